@@ -67,21 +67,23 @@ class Site:
         return _settings(self)
 
     def run(self, *arguments: str | Path) -> Result:
-        given = {f"FOLDBACK_{name.upper()}": str(value) for name, value in self.__dict__.items()}
-        given = {name: value for name, value in given.items() if value != "None"}
-        return CliRunner().invoke(admin, list(map(str, arguments)), env=given)
+        set_variables = {
+            f"FOLDBACK_{name.upper()}": str(value) for name, value in self.__dict__.items()
+        }
+        set_variables = {name: value for name, value in set_variables.items() if value != "None"}
+        return CliRunner().invoke(admin, list(map(str, arguments)), env=set_variables)
 
     def add(self, fold_id: str, content: bytes = b"cells of ") -> None:
         """Add a queued fold with files."""
-        aside = self.data_dir / f"aside-{fold_id}"
-        (aside / "timeline.zarr").mkdir(parents=True)
-        (aside / "input").write_bytes(content + fold_id.encode())
-        (aside / "timeline.zarr" / "zarr.json").write_bytes(b'{"attributes": {}}')
+        directory = self.data_dir / f"aside-{fold_id}"
+        (directory / "timeline.zarr").mkdir(parents=True)
+        (directory / "input").write_bytes(content + fold_id.encode())
+        (directory / "timeline.zarr" / "zarr.json").write_bytes(b'{"attributes": {}}')
         copy_tables(self.settings)
         with closing(Store(self.settings)) as store:
             store.add(a_fold(fold_id, status="queued"), SOMEBODY)
-            store.folders.adopt(aside, fold_id)
-        shutil.rmtree(aside, ignore_errors=True)  # an object store has a copy
+            store.folders.adopt(directory, fold_id)
+        shutil.rmtree(directory, ignore_errors=True)  # an object store has a copy
 
     def input_of(self, fold_id: str) -> bytes:
         with closing(Store(self.settings)) as store:
@@ -94,12 +96,12 @@ class Site:
         rows = BytesIO()
         with consistent_view(settings.store_url) as connection:
             write_rows(connection, rows)
-        with stored_files(settings) as stored, tempfile.TemporaryDirectory() as aside:
-            copy = Path(aside) / "file"
+        with stored_files(settings) as file_store, tempfile.TemporaryDirectory() as directory:
+            copy = Path(directory) / "file"
             files: dict[str, str] = {}
-            for name in stored.names():
+            for name in file_store.names():
                 copy.touch()
-                assert stored.save(name, copy)
+                assert file_store.save(name, copy)
                 files[name] = hashlib.sha256(copy.read_bytes()).hexdigest()
         return b"".join(sorted(rows.getvalue().splitlines())), files
 
@@ -154,13 +156,13 @@ class _Moments:
         for name in ("put", "copy", "delete", "list"):
             setattr(obstore, name, self._watched(getattr(obstore, name), name in ("put", "copy")))
 
-    def _on_audit(self, name: str, given: tuple[Any, ...]) -> None:
+    def _on_audit(self, name: str, arguments: tuple[Any, ...]) -> None:
         if name in ("os.rename", "os.remove", "os.rmdir"):
             self._on_change()
             return
-        writes = name == "os.mkdir" or (name == "open" and given[2] & WRITING)
+        writes = name == "os.mkdir" or (name == "open" and arguments[2] & WRITING)
         if writes and self._on_change():
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(given[0]))
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(arguments[0]))
 
     def _on_statement(self) -> None:
         if self._on_change():
@@ -168,10 +170,10 @@ class _Moments:
             raise OperationalError("INSERT", None, full)
 
     def _watched(self, function: Callable[..., Any], writes: bool) -> Callable[..., Any]:
-        def call(*given: Any, **named: Any) -> Any:
+        def call(*arguments: Any, **named: Any) -> Any:
             if self._on_change() and writes:
                 raise OSError("the store is full")
-            return function(*given, **named)
+            return function(*arguments, **named)
 
         return call
 

@@ -93,15 +93,15 @@ def bucket_url(bucket: Bucket, monkeypatch: pytest.MonkeyPatch) -> str:
 @pytest.fixture(scope="session")
 def postgres() -> Iterator[Postgres]:
     """PostgreSQL server; `postgres.database()` creates an empty database in it."""
-    with closing(Postgres()) as made:
-        yield made.start()
+    with closing(Postgres()) as made_closing:
+        yield made_closing.start()
 
 
 @pytest.fixture(scope="session")
 def bucket() -> Iterator[Bucket]:
     """Server of buckets; `bucket.bucket()` creates an empty one in it."""
-    with closing(Bucket()) as made:
-        yield made.start()
+    with closing(Bucket()) as made_closing:
+        yield made_closing.start()
 
 
 @pytest.fixture(scope="session")

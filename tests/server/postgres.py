@@ -148,8 +148,8 @@ def _other_user() -> dict[str, Any]:
     if os.geteuid() != 0:
         return {}
     names = {entry.pw_name: entry for entry in pwd.getpwall()}
-    found = names.get("postgres") or names["nobody"]
-    return {"user": found.pw_uid, "group": found.pw_gid, "extra_groups": []}
+    postgres = names.get("postgres") or names["nobody"]
+    return {"user": postgres.pw_uid, "group": postgres.pw_gid, "extra_groups": []}
 
 
 def free_port() -> int:

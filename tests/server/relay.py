@@ -17,7 +17,7 @@ class Relay:
     """Server that forwards requests and causes the failures that ``trouble`` returns."""
 
     def __init__(self, upstream: str, trouble: Trouble, retry_after: str = "0") -> None:
-        self.asked: list[tuple[str, str]] = []
+        self.requests: list[tuple[str, str]] = []
         relay = self
 
         class Handler(BaseHTTPRequestHandler):
@@ -25,8 +25,8 @@ class Relay:
 
             def do(self) -> None:
                 path = self.path.partition("?")[0]
-                relay.asked.append((self.command, path))
-                failure = trouble(self.command, path, relay.asked.count((self.command, path)))
+                relay.requests.append((self.command, path))
+                failure = trouble(self.command, path, relay.requests.count((self.command, path)))
                 body = self.rfile.read(int(self.headers.get("content-length") or 0))
                 self.close_connection = True
                 if isinstance(failure, int):

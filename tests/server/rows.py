@@ -86,13 +86,13 @@ def statements() -> Generator[list[tuple[str, Any]]]:
 
 def scans(store: Store, queries: list[tuple[str, Any]]) -> list[str]:
     """Return the tables that SQLite's query plans scan completely; none for other databases."""
-    found: list[str] = []
+    row_ids: list[str] = []
     with store.reading() as session:
         connection = session.connection()
         for statement, values in queries if connection.dialect.name == "sqlite" else ():
             plan = connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {statement}", values)
-            found += [line.detail for line in plan if line.detail.startswith("SCAN")]
-    return found
+            row_ids += [line.detail for line in plan if line.detail.startswith("SCAN")]
+    return row_ids
 
 
 SECOND_MIGRATION = """

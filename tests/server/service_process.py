@@ -32,9 +32,9 @@ SPIRAL = [
 SNAKE = [[x if y % 2 == 0 else 3 - x, y, 0] for y in range(4) for x in range(4)]
 
 
-def path_file(cells: object, **more: object) -> bytes:
+def path_file(cells: object, **extra: object) -> bytes:
     """Return the file of a path."""
-    return json.dumps({"format": "foldback-path/1", "cells": cells, **more}).encode()
+    return json.dumps({"format": "foldback-path/1", "cells": cells, **extra}).encode()
 
 
 class Service:
@@ -157,14 +157,14 @@ class Service:
 
     def processes(self, module: str) -> list[psutil.Process]:
         """The processes of a module that this service has started."""
-        found = []
+        path_rows = []
         for process in psutil.Process(self.process.pid).children(recursive=True):
             try:
                 if module in process.cmdline():
-                    found.append(process)
+                    path_rows.append(process)
             except psutil.NoSuchProcess:
                 continue
-        return found
+        return path_rows
 
     def upload(
         self,

@@ -69,12 +69,12 @@ class ServiceThread(Service):
 
     def start(self, *arguments: str) -> Self:
         assert arguments[:1] in ((), ("--first-shape",)), "others are for a process: take a Service"
-        given = {
+        fold_values = {
             name.removeprefix(VARIABLE_PREFIX).lower(): value
             for name, value in self.environment.items()
             if name.startswith(VARIABLE_PREFIX)
         }
-        self.settings = Settings(_env_prefix=UNUSED_PREFIX, **{**given, "workers": 0})  # type: ignore[arg-type]
+        self.settings = Settings(_env_prefix=UNUSED_PREFIX, **{**fold_values, "workers": 0})  # type: ignore[arg-type]
         self.settings.make_directories()
         copy_tables(self.settings)
         self._handler = logging.FileHandler(self.log)
@@ -97,17 +97,19 @@ class ServiceThread(Service):
         with listening:
             server.run(sockets=[listening])
 
-    def copy_from(self, other: Service, *fold_ids: str) -> None:
+    def copy_from(self, other_service: Service, *fold_ids: str) -> None:
         """Start with the rows of another service, and with the files of some of its folds."""
         self.data_dir.mkdir()
         name = "foldback.db"
         with (
-            closing(sqlite3.connect(other.data_dir / name, timeout=TIMEOUT_S)) as theirs,
-            closing(sqlite3.connect(self.data_dir / name)) as mine,
+            closing(
+                sqlite3.connect(other_service.data_dir / name, timeout=TIMEOUT_S)
+            ) as their_closing,
+            closing(sqlite3.connect(self.data_dir / name)) as own_closing,
         ):
-            theirs.backup(mine)
+            their_closing.backup(own_closing)
         for fold_id in fold_ids:
-            shutil.copytree(other.directory(fold_id), self.directory(fold_id))
+            shutil.copytree(other_service.directory(fold_id), self.directory(fold_id))
 
     @property
     def running(self) -> bool:
@@ -138,9 +140,9 @@ class ServiceThread(Service):
             context.preview_reports._reader,
             context.trajectories._pool,
         )
-        mine = {child.pid for pool in pools for child in pool._children._all}
+        pids = {child.pid for pool in pools for child in pool._children._all}
         forked = psutil.Process(FORKS.pid).children()
-        return [c for c in forked if c.pid in mine and module in c.cmdline()]
+        return [c for c in forked if c.pid in pids and module in c.cmdline()]
 
 
 ServiceWith = Callable[..., ServiceThread]

@@ -21,10 +21,10 @@ def test_resources_are_closed_if_a_later_one_cannot_be_opened(
 
     before = set(threading.enumerate())
     sweeping: list[threading.Thread] = []
-    begin = context.Previews.start_sweeping
+    start_sweeping = context.Previews.start_sweeping
 
     def note(previews: context.Previews) -> None:
-        begin(previews)
+        start_sweeping(previews)
         started = set(threading.enumerate()) - before
         sweeping.extend(thread for thread in started if thread.name == SWEEPING_THREAD)
 

@@ -153,5 +153,5 @@ def test_actions_of_clients_have_the_outcomes_of_the_table(
     assert expected
     for row in expected:
         words = row.split()[1]
-        outcomes = "".join(f"{each:9}" for each in cells(make, action, words))
+        outcomes = "".join(f"{cell:9}" for cell in cells(make, action, words))
         assert f"{action:14}{words:30}{outcomes}".rstrip() == row

@@ -106,8 +106,8 @@ def test_client_takes_each_kind_of_source(idle: Service, tmp_path: Path) -> None
         assert client.fold(solid, modules=24, method="exact").state["modules"] == 24
         preview = client.preview(solid, modules=24, method="exact", start=(0, 0, 0))
         assert len(preview["cells"]) == 24 and preview["start"] == [0, 0, 0]
-        again = client.fold(preview=preview["id"], modules=24, method="exact")
-        assert again.state["modules"] == 24
+        second_fold = client.fold(preview=preview["id"], modules=24, method="exact")
+        assert second_fold.state["modules"] == 24
         with pytest.raises(ValueError, match="1 dimensions"):
             client.fold(np.arange(3))
         with pytest.raises(TypeError, match="expected one of them"):
@@ -162,18 +162,18 @@ def test_problem_carries_the_response_of_the_service(idle: Service) -> None:
 
 def lose_response(method: str) -> Trouble:
     """Return a failure that drops the response to the first request of a method."""
-    return lambda asked, _path, time: "lose" if (asked, time) == (method, 1) else None
+    return lambda request, _path, time: "lose" if (request, time) == (method, 1) else None
 
 
 def test_request_with_a_lost_response_is_repeated(idle: Service) -> None:
     with via_relay(idle, lose_response("POST")) as (client, relay):
         fold = client.fold(SNAKE, seed=43)
-        assert relay.asked.count(("POST", FOLDS)) == 2
+        assert relay.requests.count(("POST", FOLDS)) == 2
         assert fold.existing  # the first request has arrived
         assert fold.cancel().status == "cancelled"
     with via_relay(idle, lose_response("DELETE")) as (client, relay):
         client.fold(SNAKE, seed=44).delete()
-        assert [method for method, _ in relay.asked].count("DELETE") == 2
+        assert [method for method, _ in relay.requests].count("DELETE") == 2
         with pytest.raises(Problem, match="no-such-fold"):
             client.get("nosuchfold").delete()
 
@@ -198,12 +198,12 @@ def test_request_to_busy_service_is_retried_a_few_times(idle: Service) -> None:
             else:
                 with pytest.raises(Problem, match=f"http-{status}"):
                     client.shapes()
-            assert len(relay.asked) == requests
+            assert len(relay.requests) == requests
 
 
 def test_unreachable_service_is_reported_after_all_attempts() -> None:
-    away = pytest.raises(ConnectionError, match="3 attempts")
-    with Client("http://127.0.0.1:9", retries=Retries(attempts=3, first_s=0.01)) as client, away:
+    refusal = pytest.raises(ConnectionError, match="3 attempts")
+    with Client("http://127.0.0.1:9", retries=Retries(attempts=3, first_s=0.01)) as client, refusal:
         client.shapes()
 
 
@@ -233,7 +233,7 @@ def test_fold_is_followed_without_its_events(idle: Service, trouble: int | str) 
 
         with via_relay(idle, no_events) as (client, relay):
             assert client.get(fold.id).wait(TIMEOUT_S).status == "cancelled"
-            assert [path.endswith("/events") for _, path in relay.asked].count(True) == 3
+            assert [path.endswith("/events") for _, path in relay.requests].count(True) == 3
 
 
 def test_download_is_complete_or_absent(finished: FinishedFold, tmp_path: Path) -> None:

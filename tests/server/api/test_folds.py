@@ -45,8 +45,8 @@ def test_plan_is_downloaded_in_each_form(finished: FinishedFold) -> None:
     angles = arrays["joint_angles_rad"]
     assert np.allclose(angles, plan["joint_angles_rad"], atol=1e-6)
     folded = chain_of(SNAKE).folded_rad
-    for found, meant in ((angles[0], 0.0 * folded), (angles[-1], folded)):
-        assert np.abs(found - meant).max() < 0.05
+    for frame_angles, meant in ((angles[0], 0.0 * folded), (angles[-1], folded)):
+        assert np.abs(frame_angles - meant).max() < 0.05
     assert b"<mujoco" in get(finished, "model.xml").content
 
 
@@ -63,8 +63,8 @@ def test_frames_are_those_of_the_timeline_by_stride_and_range(finished: Finished
     arrays = [np.array(body[key]) for key in ("joint_angles_rad", "root_position", "root_wxyz")]
     poses = chain_of(SNAKE).poses(*arrays)
     assert np.allclose(poses.positions, body["positions"], atol=1e-6)
-    some = get(finished, "frames", **{"from": 3, "to": 11, "stride": 4}).json()
-    assert some["time_s"] == body["time_s"][3:11:4]
+    frame_values = get(finished, "frames", **{"from": 3, "to": 11, "stride": 4}).json()
+    assert frame_values["time_s"] == body["time_s"][3:11:4]
     past = get(finished, "frames", **{"from": total + 1})
     assert (past.status_code, past.json()["code"]) == (422, "no-such-frames")
 
@@ -101,13 +101,13 @@ def test_running_fold_is_cancelled_requested_again_and_deleted(service: Service)
     assert service.http.get(f"{path}/frames").json()["total"] > 0
     timeline = service.directory(accepted["id"]) / "timeline.zarr"
     assert Timeline.open(timeline).status == "failed"  # the worker is then free
-    again = service.fold(**options)
-    assert again["id"] != accepted["id"]
-    service.wait_exploding(again["id"])
-    path = f"/api/folds/{again['id']}"
-    assert service.http.delete(path, headers=owner(again)).status_code == 204
+    second_fold = service.fold(**options)
+    assert second_fold["id"] != accepted["id"]
+    service.wait_exploding(second_fold["id"])
+    path = f"/api/folds/{second_fold['id']}"
+    assert service.http.delete(path, headers=owner(second_fold)).status_code == 204
     assert service.http.get(path).status_code == 404
-    wait_until(lambda: not service.directory(again["id"]).exists(), service.log.read_text)
+    wait_until(lambda: not service.directory(second_fold["id"]).exists(), service.log.read_text)
 
 
 def test_first_shape_is_folded_once(service_with: ServiceWith) -> None:
@@ -115,8 +115,8 @@ def test_first_shape_is_folded_once(service_with: ServiceWith) -> None:
     (first,) = _gallery_folds(service)
     assert first["shape"] == "mallet-64"
     assert service.stop() == 0
-    with ServiceThread(service.data_dir).start("--first-shape", "mallet-64") as again:
-        assert [fold["id"] for fold in _gallery_folds(again)] == [first["id"]]
+    with ServiceThread(service.data_dir).start("--first-shape", "mallet-64") as restarted:
+        assert [fold["id"] for fold in _gallery_folds(restarted)] == [first["id"]]
 
 
 def _gallery_folds(service: Service) -> list[dict[str, Any]]:
@@ -128,17 +128,19 @@ def test_fold_is_requested_again_by_its_id(idle: Service) -> None:
     cells = [[x, y, z] for x in range(3) for y in range(2) for z in range(2)][::-1]
     first = idle.fold(cells, as_voxels="true", method="blocks", seed="21")
     assert idle.http.post(f"/api/folds/{first['id']}/cancel", headers=owner(first)).is_success
-    again = idle.fold(fold=first["id"], seed="21")
-    assert again["id"] != first["id"]
+    second_fold = idle.fold(fold=first["id"], seed="21")
+    assert second_fold["id"] != first["id"]
     for name in ("input", "request.json", "cells.json"):
-        before, after = ((idle.directory(f["id"]) / name).read_bytes() for f in (first, again))
+        before, after = (
+            (idle.directory(f["id"]) / name).read_bytes() for f in (first, second_fold)
+        )
         assert before == after
-    other = idle.fold(fold=first["id"], seed="22", preset="paper")
-    assert idle.state(other["id"])["preset"] == "paper"
-    assert idle.fold(fold=other["id"], seed="22", preset="paper")["existing"]
-    size = sum(path.stat().st_size for path in idle.directory(other["id"]).iterdir())
+    other_fold = idle.fold(fold=first["id"], seed="22", preset="paper")
+    assert idle.state(other_fold["id"])["preset"] == "paper"
+    assert idle.fold(fold=other_fold["id"], seed="22", preset="paper")["existing"]
+    size = sum(path.stat().st_size for path in idle.directory(other_fold["id"]).iterdir())
     with store_of(idle) as store:
-        assert store.fold(other["id"]).bytes == size  # counted at once, not only after its end
+        assert store.fold(other_fold["id"]).bytes == size  # counted at once, not only after its end
     gallery = idle.fold(shape="wrench-24", seed="31")
     assert idle.state(idle.fold(fold=gallery["id"], seed="32")["id"])["shape"] == "wrench-24"
 
@@ -147,13 +149,16 @@ def test_settings_that_change_something_make_another_fold(idle: Service) -> None
     first = idle.fold(STAIRS, preset="paper", settings=" radial_gain=.2, damping=0.10,")
     assert idle.state(first["id"])["settings"] == "radial_gain=0.2"
     options = {"token": first["owner_token"], "preset": "paper"}
-    same = idle.fold(STAIRS, **options, settings="step_s=0.01,radial_gain=0.20")
-    assert (same["existing"], same["id"]) == (True, first["id"])
+    same_fold = idle.fold(STAIRS, **options, settings="step_s=0.01,radial_gain=0.20")
+    assert (same_fold["existing"], same_fold["id"]) == (True, first["id"])
     plain = idle.fold(STAIRS, **options)
     assert not plain["existing"]
     # Requests by its id match as well; derived folds use the requested settings.
-    again = idle.fold(fold=first["id"], **options, settings="radial_gain=0.2")
-    assert (again["id"], idle.fold(fold=first["id"], **options)["id"]) == (first["id"], plain["id"])
+    second_fold = idle.fold(fold=first["id"], **options, settings="radial_gain=0.2")
+    assert (second_fold["id"], idle.fold(fold=first["id"], **options)["id"]) == (
+        first["id"],
+        plain["id"],
+    )
 
 
 def test_previews_report_the_compilation(idle: Service, monkeypatch: pytest.MonkeyPatch) -> None:

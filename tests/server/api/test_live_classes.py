@@ -55,18 +55,22 @@ def test_followers_see_the_view_of_the_leader_until_it_leaves(service: Service, 
             f"/folds/{fold}?class={code}",
         )
         with (
-            open_socket(service, f"/api/class/follow?code={code}") as one,
-            open_socket(service, f"/api/class/follow?code={code}") as other,
+            open_socket(service, f"/api/class/follow?code={code}") as client_connection,
+            open_socket(service, f"/api/class/follow?code={code}") as other_client_connection,
         ):
-            assert one.recv(TIMEOUT_S) == other.recv(TIMEOUT_S) == ""
+            assert (
+                client_connection.recv(TIMEOUT_S) == other_client_connection.recv(TIMEOUT_S) == ""
+            )
             while json.loads(leader.recv(TIMEOUT_S)) != {"followers": 2}:
                 pass
             leader.send(VIEW)
-            assert one.recv(TIMEOUT_S) == other.recv(TIMEOUT_S) == VIEW
-            other.send("frame=1")  # followers may not send
-            assert ending(other)[0] == 1008
+            assert (
+                client_connection.recv(TIMEOUT_S) == other_client_connection.recv(TIMEOUT_S) == VIEW
+            )
+            other_client_connection.send("frame=1")  # followers may not send
+            assert ending(other_client_connection)[0] == 1008
             leader.close()
-            assert ending(one) == (1000, "over")
+            assert ending(client_connection) == (1000, "over")
     assert service.http.get(path).status_code == 404
     assert refusal(service, f"/api/class/follow?code={code}") == 404
 
@@ -80,18 +84,18 @@ def test_class_of_a_leader_who_sends_nonsense_or_floods_ends(service: Service, f
                 with suppress(ConnectionClosed):
                     for message in messages:
                         leader.send(message)
-                got: list[str | bytes] = []
+                received_messages: list[str | bytes] = []
                 with pytest.raises(ConnectionClosed):
                     while True:
-                        got.append(follower.recv(TIMEOUT_S))
-                assert len(got) <= MAX_VIEWS_PER_SECOND
-                assert all(is_view(str(view)) for view in got)
+                        received_messages.append(follower.recv(TIMEOUT_S))
+                assert len(received_messages) <= MAX_VIEWS_PER_SECOND
+                assert all(is_view(str(received_message)) for received_message in received_messages)
 
 
 def test_class_waits_for_a_leader_whose_connection_is_lost(service: Service, fold: str) -> None:
     leader = open_socket(service, f"/api/class/lead?fold={fold}")
-    back = json.loads(leader.recv(TIMEOUT_S))["back"]
-    code, key = back["code"], back["key"]
+    back_state = json.loads(leader.recv(TIMEOUT_S))["back"]
+    code, key = back_state["code"], back_state["key"]
     assert len(key) >= 20
     with open_socket(service, f"/api/class/follow?code={code}") as follower:
         leader.send("frame=1")
@@ -100,13 +104,15 @@ def test_class_waits_for_a_leader_whose_connection_is_lost(service: Service, fol
         leader.socket.shutdown(socket.SHUT_RDWR)  # simulates a network failure
         for wrong in (f"code={code}&key={key[:-1]}", f"code={code}&key=", f"code=A&key={key}"):
             assert refusal(service, f"/api/class/lead?fold={fold}&{wrong}") == 404
-        with open_socket(service, f"/api/class/lead?code={code}&key={key}") as again:
-            assert json.loads(again.recv(TIMEOUT_S))["back"] == back
-            assert json.loads(again.recv(TIMEOUT_S)) == {"followers": 1}
-            again.send("frame=2")
+        with open_socket(
+            service, f"/api/class/lead?code={code}&key={key}"
+        ) as second_client_connection:
+            assert json.loads(second_client_connection.recv(TIMEOUT_S))["back"] == back_state
+            assert json.loads(second_client_connection.recv(TIMEOUT_S)) == {"followers": 1}
+            second_client_connection.send("frame=2")
             assert follower.recv(TIMEOUT_S) == "frame=2"
             with open_socket(service, f"/api/class/lead?code={code}&key={key}") as newest:
-                assert ending(again)[0] == 1000  # the latest connection leads
+                assert ending(second_client_connection)[0] == 1000  # the latest connection leads
                 newest.send("frame=3")
                 assert follower.recv(TIMEOUT_S) == "frame=3"
         assert ending(follower) == (1000, "over")
@@ -120,8 +126,8 @@ def test_class_is_refused_before_it_begins(service: Service, fold: str) -> None:
 
 def test_view_has_known_words_with_proper_values_only() -> None:
     wrong = "frame=-1 frame=1e3 frame=1&frame=2 camera=1,2 camera=a,b,c colour=Red path=2 follow=1"
-    more = "theme=dark tour=1 frame & frame=1& frame=1# frame=१"
-    for text in (*wrong.split(), *more.split(), f"camera={'1' * 300},,1"):
+    extra = "theme=dark tour=1 frame & frame=1& frame=1# frame=१"
+    for text in (*wrong.split(), *extra.split(), f"camera={'1' * 300},,1"):
         assert not is_view(text), text
     assert is_view(VIEW)
     assert is_view("")
@@ -137,11 +143,11 @@ def test_classes_and_followers_are_limited_and_codes_are_long() -> None:
         classes.followers.enter("192.0.2.1")
     with pytest.raises(TooMany):
         classes.followers.enter("192.0.2.1")
-    with classes.begun("a") as shown, classes.begun("a") as other:
-        assert len(shown.code) == len(other.code) == CODE_LENGTH >= 12
-        assert shown.code != other.code
-        shown.followers = MAX_FOLLOWERS
-        with pytest.raises(TooMany), shown.joined():
+    with classes.begun("a") as leader, classes.begun("a") as second:
+        assert len(leader.code) == len(second.code) == CODE_LENGTH >= 12
+        assert leader.code != second.code
+        leader.followers = MAX_FOLLOWERS
+        with pytest.raises(TooMany), leader.joined():
             pass
     with pytest.raises(NoSuch):
-        classes.find(shown.code)
+        classes.find(leader.code)

@@ -17,8 +17,8 @@ from tests.server.service_process import SNAKE, FinishedFold, Service, bearer
 from tests.server.service_thread import ServiceThread
 
 
-def create(service: Service, token: str, what: str = "folds", **query: Any) -> dict[str, Any]:
-    answer = service.http.get(f"/api/mine/{what}", params=query, headers=bearer(token))
+def create(service: Service, token: str, list_name: str = "folds", **query: Any) -> dict[str, Any]:
+    answer = service.http.get(f"/api/mine/{list_name}", params=query, headers=bearer(token))
     assert answer.status_code == 200, answer.text
     assert answer.headers["cache-control"] == "no-store, no-transform"
     return answer.json()
@@ -30,18 +30,20 @@ def view_preview(service: Service, token: str, **form: Any) -> dict[str, Any]:
 
 
 def test_folds_of_an_owner_are_listed_in_pages(idle: Service) -> None:
-    mine, stranger = new_token(), new_token()
-    ids = [idle.fold(SNAKE, seed=str(seed), token=mine)["id"] for seed in range(3)]
+    my_token, stranger = new_token(), new_token()
+    ids = [idle.fold(SNAKE, seed=str(seed), token=my_token)["id"] for seed in range(3)]
     idle.fold(SNAKE, seed="9", token=stranger)
-    page = create(idle, mine, limit=2)
+    page = create(idle, my_token, limit=2)
     assert (page["total"], [fold["id"] for fold in page["folds"]]) == (3, ids[:0:-1])
-    rest = idle.http.get(page["next"], headers=bearer(mine)).json()
-    assert ([fold["id"] for fold in rest["folds"]], rest["next"]) == (ids[:1], None)
+    next_page = idle.http.get(page["next"], headers=bearer(my_token)).json()
+    assert ([fold["id"] for fold in next_page["folds"]], next_page["next"]) == (ids[:1], None)
     fold = page["folds"][0]
     assert (fold["public"], fold["expires_at"], fold["status"]) == (False, None, "queued")
     assert fold["links"]["drawing"] == f"/folds/{fold['id']}/drawing.svg"
     for before in ("x", "1,", "nan,a", "1e9,a", "-1,a", "1,a'"):
-        answer = idle.http.get("/api/mine/folds", params={"before": before}, headers=bearer(mine))
+        answer = idle.http.get(
+            "/api/mine/folds", params={"before": before}, headers=bearer(my_token)
+        )
         assert answer.status_code == 422, before
 
 
@@ -49,9 +51,9 @@ def test_pages_of_folds_with_equal_times_are_complete(store: Store) -> None:
     for name in "bdac":
         store.add(a_fold(name, created_at=1.7e9 + 0.1), SOMEBODY)
     first = folds_made(store, SOMEBODY, before=None, limit=3)
-    rest = folds_made(store, SOMEBODY, before=first.next, limit=3)
-    assert [row.id for row in (*first.rows, *rest.rows)] == list("dcba")
-    assert (rest.next, rest.total) == (None, 4)
+    remaining_folds_made = folds_made(store, SOMEBODY, before=first.next, limit=3)
+    assert [row.id for row in (*first.rows, *remaining_folds_made.rows)] == list("dcba")
+    assert (remaining_folds_made.next, remaining_folds_made.total) == (None, 4)
 
 
 def test_renamed_fold_shows_its_name_everywhere_at_once(finished: FinishedFold) -> None:
@@ -71,12 +73,12 @@ def test_renamed_fold_shows_its_name_everywhere_at_once(finished: FinishedFold) 
 
 def test_bad_names_and_tokens_are_refused(idle: Service) -> None:
     fold = idle.fold(SNAKE, seed="20")
-    path, mine = f"/api/folds/{fold['id']}", bearer(fold["owner_token"])
+    path, own_bearer = f"/api/folds/{fold['id']}", bearer(fold["owner_token"])
     before = idle.state(fold["id"])["name"]
     names = (" \u200b\x00", "n" * 201, ["a"])
     bodies: list[dict[str, object]] = [{"name": name} for name in names]
     for body in (*bodies, {"names": "a"}, {"owner_token": "short"}, {"owner_token": "é" * 30}):
-        assert idle.http.patch(path, json=body, headers=mine).status_code == 422, body
+        assert idle.http.patch(path, json=body, headers=own_bearer).status_code == 422, body
     assert idle.state(fold["id"])["name"] == before
 
 
@@ -92,9 +94,9 @@ def test_name_of_the_input_does_not_replace_that_of_the_owner(store: Store) -> N
     for name in ("renamed", "left"):
         store.add(a_fold(name, status="queued"), SOMEBODY)
     assert change_fold(store, "renamed", SOMEBODY, name="Mine", heir=None)
-    for name, shown in (("renamed", "Mine"), ("left", "of its file")):
+    for name, shown_title in (("renamed", "Mine"), ("left", "of its file")):
         store.describe(name, name="of its file", modules=5, module="cube")
-        assert store.fold(name).name == shown
+        assert store.fold(name).name == shown_title
 
 
 def test_expiry_of_folds_by_their_kind(tmp_path: Any) -> None:
@@ -125,11 +127,11 @@ def test_listing_folds_does_not_postpone_their_expiry(finished: FinishedFold) ->
 
 
 def test_previews_of_an_owner_are_listed_with_their_last_options(idle: Service) -> None:
-    mine, stranger = new_token(), new_token()
-    sent = view_preview(idle, mine)
-    view_preview(idle, mine, preview=sent["id"], seed="3", start="0,0,0", as_voxels="true")
+    my_token, stranger = new_token(), new_token()
+    sent = view_preview(idle, my_token)
+    view_preview(idle, my_token, preview=sent["id"], seed="3", start="0,0,0", as_voxels="true")
     view_preview(idle, stranger, preview=sent["id"], seed="4")  # anyone with the link may do so
-    (listed,) = create(idle, mine, "previews")["previews"]
+    (listed,) = create(idle, my_token, "previews")["previews"]
     assert listed["id"] == sent["id"] and listed["modules"] == len(SNAKE)
     assert listed["page"].startswith(f"/previews/{sent['id']}?")
     options = {"seed=3", "start=0,0,0", "as_voxels=true"}
@@ -138,19 +140,19 @@ def test_previews_of_an_owner_are_listed_with_their_last_options(idle: Service) 
         assert idle.http.get(address).status_code == 200, address
     assert create(idle, stranger, "previews")["previews"] == []
     path = f"/api/mine/previews/{sent['id']}"
-    assert idle.http.delete(path, headers=bearer(mine)).status_code == 204
+    assert idle.http.delete(path, headers=bearer(my_token)).status_code == 204
     assert idle.http.get(listed["page"]).status_code == 404
-    assert create(idle, mine, "previews")["previews"] == []
+    assert create(idle, my_token, "previews")["previews"] == []
 
 
 def test_client_lists_and_renames(idle: ServiceThread) -> None:
     with Client(str(idle.http.base_url)) as client, store_of(idle) as store:
         fold = client.fold(SNAKE, seed=30)
-        mine = Owner.from_token(client.token)
+        client_owner = Owner.from_token(client.token)
         later = [a_fold(f"later{k}", created_at=time.time() + k) for k in range(25)]
-        assert all(store.add(row, mine) for row in later)  # fills two pages
+        assert all(store.add(row, client_owner) for row in later)  # fills two pages
         rows = [row.id for row in later]
-        assert [each.id for each in client.mine()] == [*rows[::-1], fold.id]
+        assert [my_fold.id for my_fold in client.mine()] == [*rows[::-1], fold.id]
         assert fold.rename("A snake").state["title"] == "A snake"
         assert next(iter(client.mine())).state["title"] != "A snake"
         with pytest.raises(Problem, match="empty-name"):

@@ -34,9 +34,9 @@ def test_api_takes_a_new_option() -> None:
     app = FastAPI()
 
     @app.post("/folds")
-    def post(wanted: Annotated[Extended, Depends(form_of(Extended))]) -> dict[str, Any]:
-        wanted.check()
-        return wanted.to_json()
+    def post(expected: Annotated[Extended, Depends(form_of(Extended))]) -> dict[str, Any]:
+        expected.check()
+        return expected.to_json()
 
     del post
     (body,) = (
@@ -51,13 +51,13 @@ def test_api_takes_a_new_option() -> None:
 
 
 def test_command_line_takes_a_new_option() -> None:
-    seen: list[FoldRequest] = []
+    fold_requests: list[FoldRequest] = []
     app = typer.Typer()
 
     @app.command()
     @takes(schema=Extended)
     def fold(*, request: FoldRequest, as_json: AsJson = False) -> None:
-        seen.append(request)
+        fold_requests.append(request)
 
     del fold
     result = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200", "TERM": "dumb"})
@@ -66,7 +66,7 @@ def test_command_line_takes_a_new_option() -> None:
     result = CliRunner().invoke(app, ["--pace", "slow", "--seed", "7", "--repair", *changed])
     settings = "radial_gain=2,damping=0.12, step_s=.01"
     paper = Extended(pace="slow", seed=7, repair=True, preset="paper", settings=settings)
-    assert (result.exit_code, seen) == (0, [paper]), result.output
+    assert (result.exit_code, fold_requests) == (0, [paper]), result.output
     result = CliRunner().invoke(app, ["--pace", "hasty"])
     assert result.exit_code == 2
     assert "got the pace 'hasty', expected one of: brisk, slow." in result.output
@@ -80,11 +80,11 @@ def test_client_docs_and_preview_page_have_each_option() -> None:
     html = rendered(
         "preview.html", facts=facts, facts_json="{}", options=options_of(Extended), compilation=None
     )
-    _, _, more = html.partition('id="more-options"')  # the script sends all fields of this form
-    control, _, _ = more.partition("</div>")
+    _, _, extra = html.partition('id="more-options"')  # the script sends all fields of this form
+    control, _, _ = extra.partition("</div>")
     assert '<select id="pace" name="pace"><option value="brisk">Brisk</option>' in control
-    for each in options_of(FoldRequest).values():
-        for value, choice in each.choices.items() if each.label else ():
+    for form_option in options_of(FoldRequest).values():
+        for value, choice in form_option.choices.items() if form_option.label else ():
             assert f'value="{value}"' in html
             assert choice.label in html
 

@@ -37,18 +37,18 @@ def stored(finished: FinishedFold) -> Iterator[str]:
 
 
 def test_stored_alternative_has_a_page_and_a_comparison(service: Service, stored: str) -> None:
-    shown = f"{stored}-0"
-    facts = service.http.get(f"/folds/{shown}/facts").json()
+    damaged_id = f"{stored}-0"
+    facts = service.http.get(f"/folds/{damaged_id}/facts").json()
     assert facts["name"].endswith(", plan 1")
     assert facts["verdict"]["tone"] == "good"
     assert (facts["alternative_to"], facts["files"], facts["movies"]) == (stored, [], [])
-    assert f'href="/folds/{stored}"' in service.http.get(f"/folds/{shown}").text
-    assert len(service.http.get(f"/folds/{shown}/batch?from=0&to=4").content) > 100
+    assert f'href="/folds/{stored}"' in service.http.get(f"/folds/{damaged_id}").text
+    assert len(service.http.get(f"/folds/{damaged_id}/batch?from=0&to=4").content) > 100
     for path, status in {
-        f"/folds/{shown}/bundle": 200,
-        f"/compare?a={stored}&b={shown}": 200,
-        f"/folds/{shown}/standalone.html": 404,
-        f"/api/folds/{shown}": 404,
+        f"/folds/{damaged_id}/bundle": 200,
+        f"/compare?a={stored}&b={damaged_id}": 200,
+        f"/folds/{damaged_id}/standalone.html": 404,
+        f"/api/folds/{damaged_id}": 404,
         **{f"/folds/{stored}-{number}": 404 for number in ("1", "00000", "x", "-1", "", "0-0")},
     }.items():
         assert service.http.get(path).status_code == status, path

@@ -30,26 +30,30 @@ def test_finished_fold_is_refolded_into_another_shape_unlisted(
     body = service.http.get(f"/api/folds/{fold_id}/frames").json()
     phases = [body["phases"][i] for i in body["phase"]]
     assert [*dict.fromkeys(phases)] == ["unfolding", "playback"]
-    theirs, mine = service.directory(wrench), service.directory(fold_id)
-    assert verify(mine).verified
-    assert (mine / "start.npz").read_bytes() == (theirs / "plan.npz").read_bytes()
-    assert (mine / "start.json").read_bytes() == (theirs / "chain.json").read_bytes()
+    wrench_directory, fold_directory = service.directory(wrench), service.directory(fold_id)
+    assert verify(fold_directory).verified
+    assert (fold_directory / "start.npz").read_bytes() == (
+        wrench_directory / "plan.npz"
+    ).read_bytes()
+    assert (fold_directory / "start.json").read_bytes() == (
+        wrench_directory / "chain.json"
+    ).read_bytes()
     for form in ({"refold": wrench, "shape": "mallet-24"}, {"fold": fold_id}):
         assert service.fold(**form, token=token)["id"] == fold_id
     assert fold_id not in {f["id"] for f in service.http.get("/api/folds").json()["folds"]}
-    other = service.fold(fold=fold_id, seed=1)
-    assert service.state(other["id"])["refold"] == state["refold"]
-    assert json.loads((service.directory(other["id"]) / "request.json").read_bytes())["refold"]
-    service.http.post(f"/api/folds/{other['id']}/cancel", headers=owner(other))
+    other_fold = service.fold(fold=fold_id, seed=1)
+    assert service.state(other_fold["id"])["refold"] == state["refold"]
+    assert json.loads((service.directory(other_fold["id"]) / "request.json").read_bytes())["refold"]
+    service.http.post(f"/api/folds/{other_fold['id']}/cancel", headers=owner(other_fold))
 
 
 def test_shapes_that_fit_are_listed_and_others_are_refused(service: Service, wrench: str) -> None:
-    found = service.http.get(service.state(wrench)["links"]["refolds"]).json()["shapes"]
-    assert [(s["name"], s["modules"]) for s in found] == [("mallet-24", 24)]
-    for shape, what in (("mallet-64", "64 cubes"), ("tetra-dodecahedron", "24 tetrahedra")):
+    fitting_shapes = service.http.get(service.state(wrench)["links"]["refolds"]).json()["shapes"]
+    assert [(s["name"], s["modules"]) for s in fitting_shapes] == [("mallet-24", 24)]
+    for shape, count_words in (("mallet-64", "64 cubes"), ("tetra-dodecahedron", "24 tetrahedra")):
         status, problem = service.refusal(refold=wrench, shape=shape)
         assert (status, problem["code"]) == (422, "refold-differs")
-        assert f"got a shape of {what}, expected 24 cubes" in problem["detail"]
+        assert f"got a shape of {count_words}, expected 24 cubes" in problem["detail"]
         assert "these examples fit: mallet-24, wrench-24." in problem["detail"]
 
 
@@ -78,16 +82,16 @@ def test_only_finished_folds_with_a_suitable_plan_are_refolded_or_smoothed(
     assert [refused(use)[:2] for use in forms] == [(422, f"{use}-no-plan") for use in forms]
     assert idle.refusal(refold="nosuchfold", shape="tetra-cube-2")[0] == 404
     unpack(SMALL.read_bytes(), tmp_path)
-    mine = idle.directory(waiting["id"])
-    shutil.copyfile(tmp_path / "chain.json", mine / "chain.json")
+    fold_directory = idle.directory(waiting["id"])
+    shutil.copyfile(tmp_path / "chain.json", fold_directory / "chain.json")
     plan = Plan.load(tmp_path / "plan.npz")
-    other = with_values(plan, joint_angles_rad=0.9 * plan.joint_angles_rad)
-    other.save_npz(mine / "plan.npz")
+    other_plan = with_values(plan, joint_angles_rad=0.9 * plan.joint_angles_rad)
+    other_plan.save_npz(fold_directory / "plan.npz")
     status, code, detail = refused("refold")
     assert (status, code) == (422, "refold-not-folded")
     assert "that does not start straight and end folded" in detail
     failed = replace(plan.certificate, reason=Reason.of(ReasonCode.PLAN_END))
-    replace(plan, certificate=failed).save_npz(mine / "plan.npz")
+    replace(plan, certificate=failed).save_npz(fold_directory / "plan.npz")
     assert refused("smooth")[:2] == (422, "smooth-not-verified")
     assert not idle.http.get(f"/folds/{waiting['id']}/facts").json()["smoothable"]
 
@@ -100,6 +104,6 @@ def test_examples_and_directories_are_refolded_on_the_command_line(tmp_path: Pat
     # Each of the two shapes may be a directory with a plan.
     start, out = tmp_path / "start", tmp_path / "back"
     foldback_json("refold", tmp_path, start, "--out", out, "--module-size", "0.9")
-    back = Plan.load(out / "plan.npz")
-    assert back.certificate.module_size == 0.9
-    assert (back.start.name, back.chain.name) == ("mallet-24", "wrench-24")
+    refolded_plan = Plan.load(out / "plan.npz")
+    assert refolded_plan.certificate.module_size == 0.9
+    assert (refolded_plan.start.name, refolded_plan.chain.name) == ("mallet-24", "wrench-24")

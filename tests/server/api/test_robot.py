@@ -45,22 +45,22 @@ class Client:
             self.last = {"number": 0, "time_s": 0.0, **message}
         return message
 
-    def receive_until(self, wanted: str) -> dict[str, Any]:
+    def receive_until(self, expected: str) -> dict[str, Any]:
         """Receive messages, without an answer, until one of the given kind arrives."""
-        while (message := self.receive())["is"] != wanted:
+        while (message := self.receive())["is"] != expected:
             pass
         return message
 
-    def send(self, do: str, **more: object) -> None:
-        self.socket.send(json.dumps({"do": do, **more}))
+    def send(self, do: str, **extra: object) -> None:
+        self.socket.send(json.dumps({"do": do, **extra}))
 
     def report(self, **error: object) -> None:
         """Report an error, or angles, for the last target."""
         self.send("report", number=self.last["number"], **error)
 
-    def follow_until(self, wanted: str) -> dict[str, Any]:
+    def follow_until(self, expected: str) -> dict[str, Any]:
         """Follow all targets until a message of the given kind arrives."""
-        while (message := self.receive())["is"] != wanted:
+        while (message := self.receive())["is"] != expected:
             if message["is"] in ("begin", "target"):
                 self.report(error_rad=0.0)
         return message
@@ -101,22 +101,22 @@ def refusal(client: Client) -> tuple[str, int]:
 def test_client_that_follows_is_led_to_the_folded_shape(finished: FinishedFold) -> None:
     plan = finished.http.get(f"{finished.api}/plan.json").json()
     with playing(finished.service, finished.id, speed=20, speeds=True) as client:
-        begin = client.receive()
-        assert (begin["is"], begin["schema"]) == ("begin", "foldback-play/1")
-        assert begin["joint_names"] == plan["joint_names"]
-        assert begin["frames"] == len(plan["time_s"])
-        assert begin["joint_angles_rad"] == pytest.approx(plan["joint_angles_rad"][0], abs=1e-5)
+        start = client.receive()
+        assert (start["is"], start["schema"]) == ("begin", "foldback-play/1")
+        assert start["joint_names"] == plan["joint_names"]
+        assert start["frames"] == len(plan["time_s"])
+        assert start["joint_angles_rad"] == pytest.approx(plan["joint_angles_rad"][0], abs=1e-5)
         assert client.receive()["because"] == "start"
         client.send("report", error_rad=0.0)
         times = [0.0]
         while (message := client.receive())["is"] != "end":
             if message["is"] == "target":
                 times.append(message["time_s"])
-                assert len(message["joint_speeds_rad_s"]) == len(begin["joint_names"])
+                assert len(message["joint_speeds_rad_s"]) == len(start["joint_names"])
                 client.report(error_rad=0.01)
         assert message["because"] == "folded"
         assert times == sorted(times)
-        assert times[-1] == pytest.approx(begin["duration_s"], abs=1e-5)
+        assert times[-1] == pytest.approx(start["duration_s"], abs=1e-5)
         folded = pytest.approx(plan["joint_angles_rad"][-1], abs=1e-5)
         assert client.last["joint_angles_rad"] == folded
 
@@ -280,8 +280,8 @@ def test_example_06_drives_a_simulated_robot(finished: FinishedFold) -> None:
     options = ("--url", f"http://{finished.service.netloc}", "--fold", finished.id)
     command = [sys.executable, "-W", "error", str(EXAMPLE), *options]
     command += ["--speed", "5", "--stiffness", "0.02"]
-    more: dict[str, Any] = {"capture_output": True, "text": True, "timeout": 120, "check": False}
-    done = subprocess.run(command, env={"PATH": ""}, **more)
+    extra: dict[str, Any] = {"capture_output": True, "text": True, "timeout": 120, "check": False}
+    done = subprocess.run(command, env={"PATH": ""}, **extra)
     assert done.returncode == 0, done.stderr
     assert "'because': 'folded'" in done.stdout.splitlines()[-1]
     assert "'because': 'error'" in done.stdout  # weak servos lag behind

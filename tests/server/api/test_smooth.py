@@ -47,8 +47,10 @@ def test_page_of_smoothed_fold_compares_figures(
     facts = smoothed.http.get(f"{smoothed.page}/facts").json()
     assert facts["name"].endswith(", smoothed") and not facts["smoothable"]
     rows = {row["label"]: row for row in facts["smoothing"]["rows"]}
-    for when in ("before", "after"):
-        assert rows["Frames"][when] == str(smoothed.state["summary"]["smoothing"][when]["frames"])
+    for moment in ("before", "after"):
+        assert rows["Frames"][moment] == str(
+            smoothed.state["summary"]["smoothing"][moment]["frames"]
+        )
     assert {"Folding time", "Largest torque", "Clearance"} < set(rows)
     assert facts["compare"][0]["id"] == finished.id
     assert smoothed.http.get(facts["smoothing"]["compare"]).status_code == 200
@@ -60,8 +62,8 @@ def test_smoothed_fold_is_requested_once_and_unlisted(
     finished: FinishedFold, smoothed: FinishedFold
 ) -> None:
     for form in ({"smooth": finished.id}, {"fold": smoothed.id}):
-        again = smoothed.service.fold(**form, token=smoothed.token)
-        assert (again["existing"], again["id"]) == (True, smoothed.id)
+        second_fold = smoothed.service.fold(**form, token=smoothed.token)
+        assert (second_fold["existing"], second_fold["id"]) == (True, smoothed.id)
     listed = smoothed.http.get("/api/folds").json()["folds"]
     assert smoothed.id not in {fold["id"] for fold in listed}
 
@@ -75,31 +77,37 @@ def test_smoothed_fold_outlives_the_original_and_starts_again_from_its_record(
     # No process that reads is started, as the input has been read before.
     read = {"name": "path", "module": "cube", "modules": 16}
     monkeypatch.setattr(Pool, "call", lambda *_, **__: read)
-    plain, shown = finished.id, smoothed.id
+    plain, smoothed_id = finished.id, smoothed.id
     assert plain in smoothed.http.get(smoothed.page).text
     # A page of the original does not reveal the link of the smoothed fold.
-    embedded = smoothed.http.get(f"/embed/{shown}").text
-    assert shown in embedded and plain not in embedded
+    embedded = smoothed.http.get(f"/embed/{smoothed_id}").text
+    assert smoothed_id in embedded and plain not in embedded
     # Here the folds are private and no worker takes the queued one.
-    other = service_with()
-    other.copy_from(smoothed.service, plain, shown)
-    other.start()
-    before = other.http.get(f"{smoothed.page}/facts").json()
-    assert before["smoothing"]["compare"] == f"/compare?a={plain}&b={shown}"
-    with store_of(other) as store:
+    other_service_with = service_with()
+    other_service_with.copy_from(smoothed.service, plain, smoothed_id)
+    other_service_with.start()
+    before = other_service_with.http.get(f"{smoothed.page}/facts").json()
+    assert before["smoothing"]["compare"] == f"/compare?a={plain}&b={smoothed_id}"
+    with store_of(other_service_with) as store:
         assert store.delete(plain)
-    facts = other.http.get(f"{smoothed.page}/facts").json()
+    facts = other_service_with.http.get(f"{smoothed.page}/facts").json()
     assert facts["smoothing"]["rows"] and facts["smoothing"]["compare"] is None
-    assert [each["text"] for each in facts["compare"]] == ["Another seed"]
-    assert plain not in other.http.get(smoothed.page).text
-    recorded = other.directory(shown) / "recorded.npz"
-    known = recorded.read_bytes()
-    with closing(AdminTasks(other.settings)) as admin_tasks:
-        admin_tasks.requeue(shown, force=True)
-    assert (other.state(shown)["status"], recorded.read_bytes()) == ("queued", known)
-    other.http.post(f"{smoothed.api}/cancel", headers=bearer(smoothed.token))
-    again = other.fold(fold=shown)
-    assert (again["existing"], other.state(again["id"])["smooths"]) == (False, plain)
+    assert [compared_fold["text"] for compared_fold in facts["compare"]] == ["Another seed"]
+    assert plain not in other_service_with.http.get(smoothed.page).text
+    recorded = other_service_with.directory(smoothed_id) / "recorded.npz"
+    expected = recorded.read_bytes()
+    with closing(AdminTasks(other_service_with.settings)) as admin_tasks:
+        admin_tasks.requeue(smoothed_id, force=True)
+    assert (other_service_with.state(smoothed_id)["status"], recorded.read_bytes()) == (
+        "queued",
+        expected,
+    )
+    other_service_with.http.post(f"{smoothed.api}/cancel", headers=bearer(smoothed.token))
+    second_fold = other_service_with.fold(fold=smoothed_id)
+    assert (second_fold["existing"], other_service_with.state(second_fold["id"])["smooths"]) == (
+        False,
+        plain,
+    )
 
 
 def test_options_that_do_not_suit_smoothing_are_refused(

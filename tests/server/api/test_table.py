@@ -51,9 +51,9 @@ def test_settings_and_paths_that_do_not_suit_the_world_are_refused(idle: Service
 
 
 def test_preview_for_a_table_has_a_path_of_its_own(idle: Service) -> None:
-    found = get_json(idle, "/api/shapes/preview", world="table").json()
-    assert found["has_path"] and found["method"] == "table"
-    assert found["expected_s"] > get_json(idle, "/api/shapes/preview").json()["expected_s"]
+    preview = get_json(idle, "/api/shapes/preview", world="table").json()
+    assert preview["has_path"] and preview["method"] == "table"
+    assert preview["expected_s"] > get_json(idle, "/api/shapes/preview").json()["expected_s"]
 
 
 @pytest.mark.slow
@@ -66,18 +66,21 @@ def test_fold_on_a_table_shows_its_torque_and_forces(service: Service) -> None:
     assert 0.0 <= table["torque"] <= 9.0
     under = f"/folds/{resting['id']}"
     facts = service.http.get(f"{under}/facts").json()
-    shown = facts["table"]
-    assert shown["good"]
-    assert shown["text"].startswith("The chain stays on the table; its hinges need at most ")
-    assert len(shown["assumptions"]) == len(table["assumptions"])
-    assert ["Torque limit", "9 w·p"] in shown["rows"]
+    shown_table = facts["table"]
+    assert shown_table["good"]
+    assert shown_table["text"].startswith("The chain stays on the table; its hinges need at most ")
+    assert len(shown_table["assumptions"]) == len(table["assumptions"])
+    assert ["Torque limit", "9 w·p"] in shown_table["rows"]
     assert "How often the simulation of the explosion went back to an earlier frame" in [
-        label for label, _ in shown["rows"]
+        row_label for row_label, _ in shown_table["rows"]
     ]
-    assert " but not much wider, these servos suit them:" in shown["servos"] and shown["named"]
-    (floating, other) = facts["compare"]
+    assert (
+        " but not much wider, these servos suit them:" in shown_table["servos"]
+        and shown_table["named"]
+    )
+    (floating, second) = facts["compare"]
     assert floating["form"] == {"fold": resting["id"], "seed": 0, "settings": ""}
-    assert (other["form"]["world"], other["form"]["settings"]) == ("table", "table_torque=9")
+    assert (second["form"]["world"], second["form"]["settings"]) == ("table", "table_torque=9")
     assert not facts["refoldable"] and not facts["smoothable"]
     header, curves = decode(service.http.get(f"{under}/figures").content)
     assert (header["table"]["words"], header["table"]["bound"]) == ("without friction", 9.0)
@@ -100,32 +103,34 @@ def slab_without_a_path(service: Service) -> tuple[dict[str, Any], dict[str, str
 
 
 def test_offers_for_a_shape_without_a_path_lead_to_a_preview_with_one(idle: Service) -> None:
-    none, same = slab_without_a_path(idle)
+    none, same_slab = slab_without_a_path(idle)
     (problem,) = none["feasibility"]["problems"]
     assert problem["detail"].startswith(
         "if the cells are coloured like a chessboard, 5 are black and 3 are white"
     )
     assert set(map(tuple, problem["cells"])) <= set(map(tuple, none["cells"]))
-    offers = idle.http.post("/api/shapes/offers", data=same).json()["offers"]
+    offers = idle.http.post("/api/shapes/offers", data=same_slab).json()["offers"]
     assert [offer["kind"] for offer in offers] == ["repair", "blocks"]
     change = {k: v for k, v in offers[0]["change"].items() if v is not None}
-    better = idle.preview(**same, **change)
+    better = idle.preview(**same_slab, **change)
     assert better["has_path"]
     assert better["modules"] == offers[0]["modules"] == len(SLAB) + len(offers[0]["added"])
     # Proposed cells, and those that were added, have colours of their own.
     assert sorted(map(tuple, better["added"])) == sorted(map(tuple, offers[0]["added"]))
     path = f"/previews/{none['id']}"
-    for address, more, mark in (
+    for address, extra, mark in (
         (f"{path}/scene/{none['key']}", "?repair=true", b"/added"),
         (f"{path}/drawing.svg?key={none['key']}", "&repair=true", b"iso-added-top"),
     ):
-        assert mark in idle.http.get(address + more).content
+        assert mark in idle.http.get(address + extra).content
         assert mark not in idle.http.get(address).content
-    assert idle.http.post("/api/shapes/offers", data={**same, **change}).json() == {"offers": []}
-    missing = idle.http.post("/api/shapes/offers", data={**same, "preview": "0" * 20})
+    assert idle.http.post("/api/shapes/offers", data={**same_slab, **change}).json() == {
+        "offers": []
+    }
+    missing = idle.http.post("/api/shapes/offers", data={**same_slab, "preview": "0" * 20})
     assert missing.status_code == 404
-    many = idle.http.post("/api/shapes/offers", data={**same, "modules": "19999"})
-    assert (many.status_code, many.json()["code"]) == (422, "too-many-modules")
+    answer = idle.http.post("/api/shapes/offers", data={**same_slab, "modules": "19999"})
+    assert (answer.status_code, answer.json()["code"]) == (422, "too-many-modules")
 
 
 def test_refused_cells_name_the_nearest_ones_with_a_path(idle: Service) -> None:
@@ -143,16 +148,16 @@ def test_search_for_offers_ends_with_its_client_and_with_its_time(
     monkeypatch.setattr(children, "BUSY_FACTOR", 2.0)
     service = service_with(preview_seconds=1.5).start()
     for timeout in (60.0, 0.5):
-        _, same = slab_without_a_path(service)
+        _, same_slab = slab_without_a_path(service)
         (busy,) = service.children("preparer")
         busy.suspend()  # simulates a search that never ends
         if timeout > 1.5:
-            check_problem(service.http.post("/api/shapes/offers", data=same), 503, "busy")
+            check_problem(service.http.post("/api/shapes/offers", data=same_slab), 503, "busy")
         else:
             with pytest.raises(httpx.ReadTimeout):
-                service.http.post("/api/shapes/offers", data=same, timeout=timeout)
+                service.http.post("/api/shapes/offers", data=same_slab, timeout=timeout)
             # Another client's request has a child of its own.
-            assert service.http.post("/api/shapes/offers", data=same).json()["offers"]
+            assert service.http.post("/api/shapes/offers", data=same_slab).json()["offers"]
         assert not busy.is_running() or busy.status() == "zombie"
 
 

@@ -24,8 +24,8 @@ def test_typed_chain_is_folded_and_its_largest_module_size_found(tmp_path: Path)
 def test_shape_command_writes_a_chain_for_a_mesh(tmp_path: Path) -> None:
     mesh, out = tmp_path / "ball.stl", tmp_path / "ball.json"
     trimesh.creation.icosphere(subdivisions=2).export(mesh)
-    wanted = ("--module", "tetrahedron", "--modules", "48", "--out", out)
-    report = foldback_json("shape", mesh, *wanted)
+    expected = ("--module", "tetrahedron", "--modules", "48", "--out", out)
+    report = foldback_json("shape", mesh, *expected)
     written = json.loads(out.read_text())
     assert (report["module"], written["module"]) == ("tetrahedron", "tetrahedron")
     assert len(written["joint_angles_deg"]) == report["modules"] - 1
@@ -34,11 +34,15 @@ def test_shape_command_writes_a_chain_for_a_mesh(tmp_path: Path) -> None:
 
 def test_uploads_of_tetrahedra_are_checked(idle: Service) -> None:
     apart = json.dumps({"format": "foldback-voxels/1", "cells": [[0, 0, 0], [3, 0, 0]]})
-    for text, form, status, code, where in (
+    for text, form, status, code, error_place in (
         ("foldback-angles/1\n0 + ?", {}, 422, "stray-character", "character 5"),
         (f"foldback-angles/1\n{RING}", {}, 202, None, None),
         (apart, {"module": "tetrahedron"}, 422, "no-path", None),
     ):
         answer = idle.upload("chain.txt", text, **form)
         body = answer.json()
-        assert (answer.status_code, body.get("code"), body.get("where")) == (status, code, where)
+        assert (answer.status_code, body.get("code"), body.get("where")) == (
+            status,
+            code,
+            error_place,
+        )

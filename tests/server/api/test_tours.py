@@ -26,11 +26,11 @@ def test_draft_is_replaced_by_the_tour_of_the_owner_until_it_is_deleted(
     assert "{}: {}.".format(*torque(certificate)) in captions
     assert finished.http.get(page).json() == draft
 
-    mine = {**draft, "title": "Mine", "stops": [{**draft["stops"][0], "caption": "a\u202e  b"}]}
-    status, stored = put(finished, address, mine)
-    assert (status, stored["stops"][0]["caption"]) == (200, "a b")
-    for shown in (address, page):
-        assert finished.http.get(shown).json()["title"] == "Mine"
+    own_tour = {**draft, "title": "Mine", "stops": [{**draft["stops"][0], "caption": "a\u202e  b"}]}
+    status, stored_tour = put(finished, address, own_tour)
+    assert (status, stored_tour["stops"][0]["caption"]) == (200, "a b")
+    for shown_address in (address, page):
+        assert finished.http.get(shown_address).json()["title"] == "Mine"
     assert finished.http.get(f"{address}?draft=true").json() == draft
     assert finished.http.delete(address, headers=bearer(finished.token)).status_code == 204
     assert finished.http.get(address).json() == draft

@@ -49,9 +49,9 @@ def place(tmp_path: Path, store: Store) -> Path:
 
 
 def ids(place: Path, *arguments: str) -> list[str]:
-    found = run(place, "list", "--json", *arguments)
-    assert found.exit_code == 0, found.output
-    return [row["id"] for row in json.loads(found.stdout)]
+    listed_rows = run(place, "list", "--json", *arguments)
+    assert listed_rows.exit_code == 0, listed_rows.output
+    return [row["id"] for row in json.loads(listed_rows.stdout)]
 
 
 def test_folds_are_listed_from_the_oldest(place: Path) -> None:
@@ -68,14 +68,18 @@ def test_folds_are_listed_from_the_oldest(place: Path) -> None:
 
 
 def test_shown_fold_hides_its_token(place: Path) -> None:
-    found = run(place, "show", "waits")
-    assert found.exit_code == 0
-    assert all(line.isprintable() for line in found.stdout.splitlines())
-    shown = json.loads(run(place, "show", "waits", "--json").stdout)
-    assert (shown["status"], shown["owner"], shown["job"]) == ("queued", True, "queued")
-    assert shown["name"] == "x\n\x1b[31m"
-    assert len(shown["visitor"]) == 8
-    assert TOKEN not in found.stdout and "token" not in shown
+    shown_row = run(place, "show", "waits")
+    assert shown_row.exit_code == 0
+    assert all(line.isprintable() for line in shown_row.stdout.splitlines())
+    row_values = json.loads(run(place, "show", "waits", "--json").stdout)
+    assert (row_values["status"], row_values["owner"], row_values["job"]) == (
+        "queued",
+        True,
+        "queued",
+    )
+    assert row_values["name"] == "x\n\x1b[31m"
+    assert len(row_values["visitor"]) == 8
+    assert TOKEN not in shown_row.stdout and "token" not in row_values
     missing = run(place, "show", "nowhere")
     assert missing.exit_code == 1 and "There is no fold" in missing.stderr
 
@@ -120,9 +124,9 @@ def test_requeued_fold_begins_anew(place: Path, store: Store) -> None:
         session.add(a_movie("old", "m1"))
     done = run(place, "requeue", "old")
     assert done.exit_code == 0, done.output
-    shown = json.loads(run(place, "show", "old", "--json").stdout)
-    assert (shown["status"], shown["epoch"], shown["job"]) == ("queued", 1, "queued")
-    assert (shown["error"], shown["ended_at"], shown["stage"]) == (None, None, None)
+    row_values = json.loads(run(place, "show", "old", "--json").stdout)
+    assert (row_values["status"], row_values["epoch"], row_values["job"]) == ("queued", 1, "queued")
+    assert (row_values["error"], row_values["ended_at"], row_values["stage"]) == (None, None, None)
     assert {p.name for p in (place / "folds" / "old").iterdir()} == {"input", "request.json"}
     with store.reading() as session:
         assert session.scalars(sa.select(MovieRow)).all() == []  # old movies are gone
@@ -131,8 +135,8 @@ def test_requeued_fold_begins_anew(place: Path, store: Store) -> None:
         ("young", "is verified"),
         ("waits", "waits in the queue"),
     ):
-        again = run(place, "requeue", name)
-        assert (again.exit_code, words in again.stderr) == (1, True)
+        requeued = run(place, "requeue", name)
+        assert (requeued.exit_code, words in requeued.stderr) == (1, True)
 
 
 def test_fold_that_is_being_removed_is_not_requeued(
@@ -163,15 +167,17 @@ def test_workers_are_listed_and_bad_databases_reported(
     assert run(place, "workers").stdout == "No worker is running.\n"
     leases = Leases.of(Settings(data_dir=place), store)
     leases.heartbeat("one", host="far away", pid=1, folds_at_once=2)
-    assert [each["name"] for each in json.loads(run(place, "workers", "--json").stdout)] == ["one"]
+    assert [value["name"] for value in json.loads(run(place, "workers", "--json").stdout)] == [
+        "one"
+    ]
     nowhere = tmp_path / "nowhere"
-    found = run(nowhere, "list")
-    assert (found.exit_code, "no database" in found.stderr) == (1, True)
+    refused_run = run(nowhere, "list")
+    assert (refused_run.exit_code, "no database" in refused_run.stderr) == (1, True)
     assert not nowhere.exists()
     nowhere.mkdir()
     (nowhere / "foldback.db").write_bytes(b"garbage\n" * 1000)
-    found = run(nowhere, "list")
-    assert (found.exit_code, "foldback doctor" in found.stderr) == (1, True)
+    refused_run = run(nowhere, "list")
+    assert (refused_run.exit_code, "foldback doctor" in refused_run.stderr) == (1, True)
 
 
 @pytest.mark.long
@@ -180,7 +186,7 @@ def test_damaged_lists_folds_with_changed_files(tmp_path: Path, store: Store) ->
     assert run(tmp_path, "damaged").exit_code == 0
     fold_id = store.list_public()[0].id
     (store.directory(fold_id) / "plan.json").write_text("{}")
-    found = run(tmp_path, "damaged")
-    assert found.exit_code == 1
-    assert fold_id in found.stdout and "plan.json" in found.stdout
-    assert len(found.stdout.splitlines()) == 2
+    refused_run = run(tmp_path, "damaged")
+    assert refused_run.exit_code == 1
+    assert fold_id in refused_run.stdout and "plan.json" in refused_run.stdout
+    assert len(refused_run.stdout.splitlines()) == 2

@@ -71,10 +71,10 @@ def test_restored_service_equals_the_original(
 
 def test_restore_into_an_empty_directory_needs_no_permission(small: Site, tmp_path: Path) -> None:
     small.run("backup", tmp_path / "copy")
-    other = replace(small, data_dir=tmp_path / "other")
-    assert other.run("restore", tmp_path / "copy").exit_code == 0
-    assert other.input_of("first") == b"cells of first"
-    assert stat.S_IMODE((other.data_dir / "foldback.db").stat().st_mode) == 0o600
+    other_settings = replace(small, data_dir=tmp_path / "other")
+    assert other_settings.run("restore", tmp_path / "copy").exit_code == 0
+    assert other_settings.input_of("first") == b"cells of first"
+    assert stat.S_IMODE((other_settings.data_dir / "foldback.db").stat().st_mode) == 0o600
 
 
 def test_restore_is_refused_while_the_service_runs_and_from_other_databases(
@@ -86,8 +86,8 @@ def test_restore_is_refused_while_the_service_runs_and_from_other_databases(
         assert store.fold("first")
         refused = small.run("restore", "--replace", copy)
     assert refused.exit_code == 1 and "in use" in refused.stderr
-    other = replace(small, storage_url="memory://", data_dir=tmp_path / "other")
-    assert "expected 'objects'" in other.run("restore", copy).stderr
+    other_settings = replace(small, storage_url="memory://", data_dir=tmp_path / "other")
+    assert "expected 'objects'" in other_settings.run("restore", copy).stderr
     manifest = Manifest.read((copy / MANIFEST).read_bytes())
     (copy / MANIFEST).write_bytes(msgspec.structs.replace(manifest, schema="9999").text())
     assert "version 9999" in small.run("restore", copy).stderr
@@ -223,20 +223,22 @@ HOSTILE: dict[str, Callable[[Path], object]] = {
 
 @pytest.mark.slow
 def test_restore_of_a_changed_backup_touches_nothing(small: Site, tmp_path: Path) -> None:
-    whole = tmp_path / "whole"
-    assert small.run("backup", whole).exit_code == 0
+    whole_backup = tmp_path / "whole"
+    assert small.run("backup", whole_backup).exit_code == 0
     before = small.state()
     for name, change in HOSTILE.items():
         with case(name):
             copy = tmp_path / name / "copy"
-            shutil.copytree(whole, copy)
+            shutil.copytree(whole_backup, copy)
             change(copy)
             refused = small.run("restore", "--replace", copy)
             assert refused.exit_code == 1
-            said = refused.stderr
-            print(name, "|", said.strip())
-            assert any(w in said for w in ("use another", "admin backup", "free some space")), said
-            assert said.replace("\n", "").isprintable()
+            stderr = refused.stderr
+            print(name, "|", stderr.strip())
+            assert any(w in stderr for w in ("use another", "admin backup", "free some space")), (
+                stderr
+            )
+            assert stderr.replace("\n", "").isprintable()
             assert small.state() == before
             assert not small.staged()
             assert not list(tmp_path.rglob("evil/*"))
@@ -259,8 +261,8 @@ def test_restore_of_changed_rows_into_postgresql_touches_nothing(
 
 def test_backup_in_an_older_format_is_refused(small: Site, tmp_path: Path) -> None:
     (tmp_path / MANIFEST).write_text('{"format": 1, "files": []}')
-    said = small.run("restore", "--replace", tmp_path).stderr
-    assert "format 1, expected format 2; restore it with the version" in said
+    stderr = small.run("restore", "--replace", tmp_path).stderr
+    assert "format 1, expected format 2; restore it with the version" in stderr
 
 
 def test_folds_without_files_are_left_out(small: Site, tmp_path: Path) -> None:
@@ -292,15 +294,15 @@ def test_backup_is_restored_into_the_other_kind_of_database(
     before = small.state()
     assert small.run("backup", tmp_path / "first").exit_code == 0
     # A role that owns its database and is no superuser.
-    other = replace(small, data_dir=tmp_path / "other", database_url=postgres.owned())
-    for site, copy in ((other, "first"), (small, "second")):
+    other_settings = replace(small, data_dir=tmp_path / "other", database_url=postgres.owned())
+    for site, copy in ((other_settings, "first"), (small, "second")):
         done = site.run("restore", "--replace", tmp_path / copy)
         assert done.exit_code == 0, done.output
         assert site.state() == before
         with closing(Store(site.settings)) as store:
             assert store.secret("signing", bytes(range(200, 232))) == secret
-        if site is other:
-            assert other.run("backup", tmp_path / "second").exit_code == 0
+        if site is other_settings:
+            assert other_settings.run("backup", tmp_path / "second").exit_code == 0
 
 
 @pytest.mark.processes
@@ -353,8 +355,8 @@ def test_damaged_database_is_left_to_the_operator(small: Site, tmp_path: Path) -
     assert small.run("backup", tmp_path / "copy").exit_code == 0
     path = small.data_dir / "foldback.db"
     path.write_bytes(b"no database" * 1000)
-    said = small.run("restore", "--replace", tmp_path / "copy").stderr
-    assert f"mv {path} {path}.damaged" in said
+    stderr = small.run("restore", "--replace", tmp_path / "copy").stderr
+    assert f"mv {path} {path}.damaged" in stderr
     path.rename(f"{path}.damaged")
     assert small.run("restore", "--replace", tmp_path / "copy").exit_code == 0
     assert small.input_of("first") == b"cells of first"

@@ -24,7 +24,7 @@ COMMAND_FILES = (*ROOT.glob("cli/*.py"), *ROOT.glob("server/cli/*.py"))
 
 def foldback(*arguments: object, **environment: str) -> subprocess.CompletedProcess[str]:
     """Return the output and exit status of a command, run in this process to save its imports."""
-    words = [str(each) for each in arguments]
+    words = [str(argument) for argument in arguments]
     done = CliRunner().invoke(application(), words, prog_name="foldback", env=environment)
     if done.exception is not None and not isinstance(done.exception, SystemExit):
         raise done.exception
@@ -198,8 +198,8 @@ def test_taken_port_is_a_clear_failure(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr("foldback.server.cli.serve.sys", MagicMock())
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = str(taken.getsockname()[1])
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = str(server.getsockname()[1])
         place = ("--data-dir", str(tmp_path))
         answer = foldback("serve", "--workers", "0", "--port", port, *place)
     assert (answer.returncode, "in use" in caplog.text) == (1, True)

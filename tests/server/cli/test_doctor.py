@@ -32,11 +32,11 @@ def settings(tmp_path: Path, **values: Any) -> Settings:
     return Settings(**{"data_dir": tmp_path / "data", **values})
 
 
-def check_finding(found: CheckResult, verdict: str, *words: str) -> None:
+def check_finding(check_result: CheckResult, verdict: str, *words: str) -> None:
     """Check the verdict, the text and the remedy of a finding."""
-    assert found.verdict == verdict, found
+    assert check_result.verdict == verdict, check_result
     for word in words:
-        assert word in f"{found.found} {found.remedy}"
+        assert word in f"{check_result.found} {check_result.remedy}"
 
 
 @pytest.mark.long
@@ -44,12 +44,12 @@ def check_finding(found: CheckResult, verdict: str, *words: str) -> None:
 @pytest.mark.usefixtures("without_settings")
 def test_doctor_of_a_sound_machine_finds_no_problem_and_writes_nothing(tmp_path: Path) -> None:
     answer = foldback("doctor", "--json", "--port", "0", "--data-dir", tmp_path / "data")
-    found = json.loads(answer.stdout)
+    check_values = json.loads(answer.stdout)
     assert answer.returncode == 0, answer.stdout
-    assert [finding["name"] for finding in found] == [name for name, _ in CHECKS]
-    assert not [f for f in found if f["verdict"] == "problem"]
-    assert all(f["remedy"] is None for f in found if f["verdict"] == "ok")
-    assert all(f["remedy"] for f in found if f["verdict"] != "ok")
+    assert [finding["name"] for finding in check_values] == [name for name, _ in CHECKS]
+    assert not [f for f in check_values if f["verdict"] == "problem"]
+    assert all(f["remedy"] is None for f in check_values if f["verdict"] == "ok")
+    assert all(f["remedy"] for f in check_values if f["verdict"] != "ok")
     assert not list(tmp_path.iterdir())
 
 
@@ -124,60 +124,63 @@ def test_unsuitable_settings_are_found(tmp_path: Path) -> None:
 
 
 def test_missing_and_damaged_databases_are_reported(tmp_path: Path, postgres: Postgres) -> None:
-    given, file = settings(tmp_path, data_dir=tmp_path), tmp_path / "foldback.db"
-    assert data.database(given).verdict == "ok" and not file.exists()
+    given_settings, file = settings(tmp_path, data_dir=tmp_path), tmp_path / "foldback.db"
+    assert data.database(given_settings).verdict == "ok" and not file.exists()
     garbage = b"garbage\n" * 1000
     file.write_bytes(garbage)
-    check_finding(data.database(given), "problem", "not a database")
+    check_finding(data.database(given_settings), "problem", "not a database")
     assert file.read_bytes() == garbage
     url = postgres.database()
     assert data.database(settings(tmp_path, database_url=url)).verdict == "ok"
-    gone = url.replace("foldback@", "foldback:geheim@").replace(f":{postgres.port}/", ":1/")
-    found = data.database(settings(tmp_path, database_url=gone))
-    assert found.verdict == "problem" and "geheim" not in found.line
+    changed = url.replace("foldback@", "foldback:geheim@").replace(f":{postgres.port}/", ":1/")
+    database = data.database(settings(tmp_path, database_url=changed))
+    assert database.verdict == "problem" and "geheim" not in database.line
     missing = data.database(settings(tmp_path, database_url=f"{url}x"))
     assert missing.verdict == "problem" and "does not exist" in missing.found
 
 
 def test_schema_behind_or_ahead_is_reported(tmp_path: Path) -> None:
-    given = settings(tmp_path, data_dir=tmp_path)
-    engine = engine_for(given.store_url)
+    given_settings = settings(tmp_path, data_dir=tmp_path)
+    engine = engine_for(given_settings.store_url)
     migrate(engine)
-    assert data.database(given).verdict == "ok"
+    assert data.database(given_settings).verdict == "ok"
     with second_migration(tmp_path):
-        check_finding(data.database(given), "warning", "version 0001, ", "foldback serve")
+        check_finding(data.database(given_settings), "warning", "version 0001, ", "foldback serve")
         migrate(engine)
-        assert data.database(given).verdict == "ok"
+        assert data.database(given_settings).verdict == "ok"
     with engine.begin() as connection:
         connection.execute(sa.text("UPDATE alembic_version SET version_num = '0099'"))
-    check_finding(data.database(given), "problem", "newer")
+    check_finding(data.database(given_settings), "problem", "newer")
     engine.dispose()
 
 
 def test_storage_that_is_no_directory_is_a_problem(tmp_path: Path) -> None:
-    given = settings(tmp_path, data_dir=tmp_path)
-    given.folds_dir.mkdir()
-    assert data.storage(given).verdict == "ok"
-    assert not list(given.folds_dir.iterdir())
-    given.folds_dir.rmdir()
-    given.folds_dir.touch()
-    check_finding(data.storage(given), "problem", "NotADirectoryError")
+    given_settings = settings(tmp_path, data_dir=tmp_path)
+    given_settings.folds_dir.mkdir()
+    assert data.storage(given_settings).verdict == "ok"
+    assert not list(given_settings.folds_dir.iterdir())
+    given_settings.folds_dir.rmdir()
+    given_settings.folds_dir.touch()
+    check_finding(data.storage(given_settings), "problem", "NotADirectoryError")
 
 
 def test_port_of_another_program_is_a_problem(tmp_path: Path, blog: Blog, idle: Service) -> None:
     blog.html = '{"status": "ok"}'
     alien = settings(tmp_path, port=blog.server_port)
     check_finding(machine.port(alien), "problem", "another program")
-    ours = urlsplit(str(idle.http.base_url)).port
-    check_finding(machine.port(settings(tmp_path, port=ours)), "ok", "foldback is already running")
+    port = urlsplit(str(idle.http.base_url)).port
+    check_finding(machine.port(settings(tmp_path, port=port)), "ok", "foldback is already running")
 
 
 def test_limit_of_open_files_is_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for limit, verdict in ((200, "problem"), (512, "warning"), (4096, "ok")):
         monkeypatch.setattr(resource, "getrlimit", lambda _, limit=limit: (64, limit))
-        found = machine.files(settings(tmp_path))
-        assert (found.verdict, f"the limit is {limit}" in found.found) == (verdict, True)
-        assert verdict == "ok" or "ulimit" in (found.remedy or "")
+        check_result = machine.files(settings(tmp_path))
+        assert (check_result.verdict, f"the limit is {limit}" in check_result.found) == (
+            verdict,
+            True,
+        )
+        assert verdict == "ok" or "ulimit" in (check_result.remedy or "")
 
 
 def test_too_little_memory_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -187,17 +190,17 @@ def test_too_little_memory_is_a_warning(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_clock_set_back_is_a_warning(tmp_path: Path) -> None:
-    given = settings(tmp_path, data_dir=tmp_path)
-    engine = engine_for(given.store_url)
+    given_settings = settings(tmp_path, data_dir=tmp_path)
+    engine = engine_for(given_settings.store_url)
     migrate(engine)
-    assert machine.clock(given).verdict == "ok"
+    assert machine.clock(given_settings).verdict == "ok"
     with Session(engine) as session, session.begin():
         session.add(a_fold("later", created_at=time.time() + 7200))
     engine.dispose()
-    check_finding(data.database(given), "warning", "s apart")
+    check_finding(data.database(given_settings), "warning", "s apart")
     later = time.time() + 7200
     os.utime(tmp_path / "foldback.db", (later, later))
-    check_finding(machine.clock(given), "warning", "2.0 hours")
+    check_finding(machine.clock(given_settings), "warning", "2.0 hours")
 
 
 @pytest.mark.processes
@@ -227,7 +230,7 @@ LINUX_5_19 = "landlock.version = lambda: 2"
 
 @pytest.mark.processes
 @pytest.mark.parametrize(
-    ("lacks", "verdict", "found"),
+    ("lacks", "verdict", "expected_text"),
     [
         (LINUX_5_19, "ok", "refuses processes that read uploads files of other programs"),
         (NO_LANDLOCK, "warning", "they may use files of other programs"),
@@ -239,14 +242,14 @@ LINUX_5_19 = "landlock.version = lambda: 2"
     ],
 )
 def test_what_the_sandbox_lacks_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lacks: str, verdict: str, found: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lacks: str, verdict: str, expected_text: str
 ) -> None:
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")
     (tmp_path / "sitecustomize.py").write_text(
         f"from foldback.server.processes import landlock, seccomp\n{lacks}\n"
     )
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
-    check_finding(children.confinement(settings(tmp_path)), verdict, found)
+    check_finding(children.confinement(settings(tmp_path)), verdict, expected_text)
 
 
 def test_missing_or_poor_encoder_is_a_warning(
@@ -259,9 +262,9 @@ def test_missing_or_poor_encoder_is_a_warning(
     check_finding(drawing.encoder(settings(tmp_path)), "warning", "without x264")
     for name, value in without_ffmpeg.items():
         monkeypatch.setenv(name, value)
-    found = drawing.encoder(settings(tmp_path))
-    assert found.verdict == "warning" and "apt install ffmpeg" in (found.remedy or "")
-    assert found.found.startswith("movies can only be GIF files: no ffmpeg is on PATH")
+    check_result = drawing.encoder(settings(tmp_path))
+    assert check_result.verdict == "warning" and "apt install ffmpeg" in (check_result.remedy or "")
+    assert check_result.found.startswith("movies can only be GIF files: no ffmpeg is on PATH")
 
 
 @pytest.mark.processes

@@ -68,7 +68,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_wheel_carries_data_and_types(wheel: Path) -> None:
     carried = set(zipfile.ZipFile(wheel).namelist())
-    wanted = {
+    expected = {
         f"foldback/{path.relative_to(ROOT)}"
         for package in ("planner", "web", "words", "cli", "server", "client")
         for path in (ROOT / package).rglob("*")
@@ -78,8 +78,8 @@ def test_wheel_carries_data_and_types(wheel: Path) -> None:
         f"foldback/planner/examples/{p.name}" for p in (ROOT / "examples" / "shapes").glob("*.json")
     }
     assert len(shapes) >= 7
-    wanted |= {"foldback/py.typed", "foldback/foldback_check.py", "foldback/viewer.py", *shapes}
-    assert wanted <= carried, sorted(wanted - carried)
+    expected |= {"foldback/py.typed", "foldback/foldback_check.py", "foldback/viewer.py", *shapes}
+    assert expected <= carried, sorted(expected - carried)
     assert {name.partition("/")[0] for name in carried} == {"foldback", "foldback-0.1.0.dist-info"}
     assert not [name for name in carried if name.endswith((TYPES, "package.json"))]
 
@@ -134,8 +134,8 @@ for name in ("viewer", "client"):
     done = subprocess.run(library, cwd=tmp_path, check=False, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     first, *refusals = done.stdout.splitlines()
-    where, *names = first.split()
-    assert Path(where).is_relative_to(tmp_path)
+    package_place, *names = first.split()
+    assert Path(package_place).is_relative_to(tmp_path)
     assert sorted(names) == sorted(p.stem for p in (ROOT / "examples" / "shapes").glob("*.json"))
     assert refusals == [
         *(
@@ -163,8 +163,8 @@ def installation(wheel: Path, extra: str, place: Path) -> Iterator[Run]:
     # Compiled kernels are valid for equal sources, wherever these are.
     shutil.copytree(KERNELS / "__pycache__", kernels / "__pycache__", dirs_exist_ok=True)
     (place / "examples").symlink_to(ROOT / "examples")
-    others = ("FOLDBACK_", "NUMBA_", "PYTHON")
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(others)}
+    setting_prefixes = ("FOLDBACK_", "NUMBA_", "PYTHON")
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(setting_prefixes)}
 
     def run(program: str, *arguments: str, status: int = 0) -> subprocess.CompletedProcess[str]:
         done = subprocess.run(

@@ -34,16 +34,19 @@ def directory(tmp_path: Path) -> Path:
 
 def state_of(directory: Path) -> dict[str, Any]:
     row = row_of(directory)
-    found = failure(row, row.summary)
-    assert found is not None
-    return found
+    computed_failure = failure(row, row.summary)
+    assert computed_failure is not None
+    return computed_failure
 
 
 def test_directory_without_a_verified_plan_reports_reason_and_location(directory: Path) -> None:
     before = sorted(directory.iterdir())
-    found = state_of(directory)
-    assert (found["heading"], found["text"]) == ("Not finished", "The chain was still unfolding.")
-    assert len(found["modules"]) > 2
+    computed_state_of = state_of(directory)
+    assert (computed_state_of["heading"], computed_state_of["text"]) == (
+        "Not finished",
+        "The chain was still unfolding.",
+    )
+    assert len(computed_state_of["modules"]) > 2
     assert sorted(directory.iterdir()) == before
     explosion = {"status": "stalled", "reason": STUCK, "steps": 90, "frames": 2}
     plan = {
@@ -55,8 +58,11 @@ def test_directory_without_a_verified_plan_reports_reason_and_location(directory
         "attempts": [{**explosion, "steps": 8}, {**explosion, "diagnosis": KNOT}],
     }
     (directory / "plan.json").write_text(json.dumps(plan))
-    found = state_of(directory)
-    assert (found["heading"], found["modules"]) == ("The chain is knotted", [5, 6])
+    computed_state_of = state_of(directory)
+    assert (computed_state_of["heading"], computed_state_of["modules"]) == (
+        "The chain is knotted",
+        [5, 6],
+    )
 
 
 def test_links_of_the_pages_are_answered(directory: Path) -> None:
@@ -72,13 +78,16 @@ def test_links_of_the_pages_are_answered(directory: Path) -> None:
             for path in ("/folds/fold", "/folds/other", "/embed/other", "/compare?a=fold&b=other"):
                 page = (await http.get(path)).text
                 # Links of dialogs that are never opened are invisible and may lead nowhere.
-                seen = re.sub(r"<dialog.*?</dialog>", "", page, flags=re.DOTALL)
-                links = set(re.findall(r'(?:href|src)="(/[^"#]*)', seen))
+                page_text = re.sub(r"<dialog.*?</dialog>", "", page, flags=re.DOTALL)
+                links = set(re.findall(r'(?:href|src)="(/[^"#]*)', page_text))
                 statuses[path] = {(await http.get(link)).status_code for link in links}
             return statuses, (await http.get("/folds/fold/facts")).json()
 
     statuses, facts = asyncio.run(found())
-    assert {status for each in statuses.values() for status in each} <= {200, 307}
+    assert {status for route_statuses in statuses.values() for status in route_statuses} <= {
+        200,
+        307,
+    }
     assert (facts["comparable"], facts["refoldable"], facts["smoothable"]) == (False,) * 3
 
 
@@ -102,7 +111,7 @@ def test_viser_ends_by_signal_although_the_shell_ignores_sigint(
             with urllib.request.urlopen(address, timeout=30) as page:
                 assert b"viser" in page.read().lower()
             playing.send_signal(number)
-            rest, complaints = playing.communicate(timeout=30)
+            output_rest, complaints = playing.communicate(timeout=30)
         finally:
             playing.kill()
-    assert (playing.returncode, rest, complaints) == (0, "", "")
+    assert (playing.returncode, output_rest, complaints) == (0, "", "")

@@ -62,8 +62,8 @@ def restorable(kind: str, tmp_path: Path, request: pytest.FixtureRequest) -> Res
     site = Site(tmp_path / "data", postgres.migrated() if postgres else None, bucket_url)
     for fold_id in ("same", "changed", "gone"):
         site.add(fold_id)
-    other, own = tmp_path / "other", tmp_path / "own"
-    assert site.run("backup", other).exit_code == 0
+    second, own_directory = tmp_path / "other", tmp_path / "own"
+    assert site.run("backup", second).exit_code == 0
     new = site.state()
     with closing(Store(site.settings)) as store:
         store.delete("changed")
@@ -71,10 +71,10 @@ def restorable(kind: str, tmp_path: Path, request: pytest.FixtureRequest) -> Res
     site.add("changed", content=b"other cells")
     site.add("later")
     assert site.run("expire", "--yes", "--force", "gone").exit_code == 0
-    assert site.run("backup", own).exit_code == 0
+    assert site.run("backup", own_directory).exit_code == 0
     old = site.state()
     assert old[0] != new[0] and old[1] != new[1]
-    return Restorable(site, other, own, old, new)
+    return Restorable(site, second, own_directory, old, new)
 
 
 def check(restorable: Restorable, moments: list[tuple[float, Fault]]) -> Counter[str]:
@@ -97,15 +97,15 @@ def test_ended_restore_leaves_the_old_state_or_the_new_one(restorable: Restorabl
 def test_restore_ended_at_many_moments_leaves_one_of_the_states(
     kind: str, restorable: Restorable
 ) -> None:
-    chosen = random.Random(kind)
+    chosen_random = random.Random(kind)
     last = restorable.moments()
     # Most statements are those of the migrations; the second half are the moments after them.
     moments: list[tuple[float, Fault]] = []
     for fault in ("killed", "full"):
-        moments += [(chosen.randint(1, last), fault) for _ in range(20)]
-        moments += [(chosen.randint(last - 60, last), fault) for _ in range(20)]
+        moments += [(chosen_random.randint(1, last), fault) for _ in range(20)]
+        moments += [(chosen_random.randint(last - 60, last), fault) for _ in range(20)]
     started = time.monotonic()
     restorable.moments()
     duration_s = time.monotonic() - started
-    moments += [(chosen.uniform(0, duration_s), "killed") for _ in range(40)]
+    moments += [(chosen_random.uniform(0, duration_s), "killed") for _ in range(40)]
     print(f"{kind}: {last} moments, {duration_s:.1f} s, {dict(check(restorable, moments))}")

@@ -103,9 +103,9 @@ def test_unknown_setting_is_reported_with_a_suggestion(
         warn_of_unknown_names(logging.getLogger("foldback"))
     words = "FOLDBACK_ORIGIN is not a setting and is ignored; did you mean FOLDBACK_ORIGINS?"
     assert caplog.messages == [words]
-    found = machine.variables(Settings())
-    assert (found.verdict, found.found) == ("warning", words)
-    assert found.remedy
+    variables = machine.variables(Settings())
+    assert (variables.verdict, variables.found) == ("warning", words)
+    assert variables.remedy
 
 
 def test_computing_processes_step_back_on_public_services_only() -> None:

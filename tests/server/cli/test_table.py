@@ -57,10 +57,10 @@ def test_plan_that_rests_on_a_table_is_certified(plan: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "stays on the table" in done.stdout
     assert "without friction" in done.stdout
-    found = TableCertificate.from_dict(json.loads((plan / "table.json").read_text()))
-    assert found.rests
-    assert found.torque == pytest.approx(10.0 * np.cos(0.3 / 4), rel=1e-3)
-    assert found.unit_nm == pytest.approx(0.1 * 9.81 * 0.05)
+    table_certificate = TableCertificate.from_dict(json.loads((plan / "table.json").read_text()))
+    assert table_certificate.rests
+    assert table_certificate.torque == pytest.approx(10.0 * np.cos(0.3 / 4), rel=1e-3)
+    assert table_certificate.unit_nm == pytest.approx(0.1 * 9.81 * 0.05)
 
 
 def test_plan_that_does_not_rest_exits_with_3(plan: Path) -> None:

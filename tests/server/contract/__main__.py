@@ -19,10 +19,10 @@ def main() -> int:
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as directory:
         current = texts(Path(directory) / "data")
-    known = stored()
+    known_stored = stored()
     changed = False
-    for name in sorted(known.keys() | current.keys()):
-        before, after = known.get(name, ""), current.get(name, "")
+    for name in sorted(known_stored.keys() | current.keys()):
+        before, after = known_stored.get(name, ""), current.get(name, "")
         if before != after:
             changed = True
             old, new = before.splitlines(), after.splitlines()

@@ -106,13 +106,18 @@ def add_folds(store: Store) -> None:
         about = unpack((SHIPPED_FOLDS_DIR / f"{name}.fold").read_bytes(), directory)
         settle(directory)
         summary = about["summary"]
-        known = {key: summary[key] for key in ("module", "modules", "preset", "seed")}
+        expected = {key: summary[key] for key in ("module", "modules", "preset", "seed")}
         shape = about["shape"] if about["refold"] is None else None
         included = {**summary, "included": {"version": about["version"]}}
-        values = known | {"public": True, "pinned": True, "shape": shape, "summary": included}
-        _add(store, fold_id, name=about["name"], refold=about["refold"], **values)
-    for fold_id, values in ROWS.items():
-        _add(store, fold_id, **{"status": "failed", **values})
+        fold_values = expected | {
+            "public": True,
+            "pinned": True,
+            "shape": shape,
+            "summary": included,
+        }
+        _add(store, fold_id, name=about["name"], refold=about["refold"], **fold_values)
+    for fold_id, fold_values in ROWS.items():
+        _add(store, fold_id, **{"status": "failed", **fold_values})
     directory = store.directory("knotted")
     (directory / "attempts.json").write_text(json.dumps(ATTEMPTS))
     (store.directory("queued") / "cells.json").write_text(json.dumps(SNAKE))

@@ -14,8 +14,8 @@ WIDTH = 100
 
 def openapi_text(description: dict[str, Any]) -> str:
     """Return an OpenAPI description with its fields in their order, without the version."""
-    known = {**description, "info": {**description["info"], "version": "…"}}
-    return json.dumps(known, indent=1, ensure_ascii=False) + "\n"
+    expected = {**description, "info": {**description["info"], "version": "…"}}
+    return json.dumps(expected, indent=1, ensure_ascii=False) + "\n"
 
 
 def help_text() -> str:

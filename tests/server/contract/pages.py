@@ -55,12 +55,14 @@ def visible(html: str) -> list[str]:
 
 def flat(value: object, name: str = "") -> Iterator[str]:
     """Return nested values as lines: one for each value without other lists or objects in it."""
-    if isinstance(value, dict) and any(isinstance(each, dict | list) for each in value.values()):
-        for key, each in value.items():
-            yield from flat(each, f"{name}.{key}" if name else key)
-    elif isinstance(value, list) and any(isinstance(each, dict | list) for each in value):
-        for number, each in enumerate(value):
-            yield from flat(each, f"{name}[{number}]")
+    if isinstance(value, dict) and any(
+        isinstance(element, dict | list) for element in value.values()
+    ):
+        for key, element in value.items():
+            yield from flat(element, f"{name}.{key}" if name else key)
+    elif isinstance(value, list) and any(isinstance(element, dict | list) for element in value):
+        for number, element in enumerate(value):
+            yield from flat(element, f"{name}[{number}]")
     else:
         yield f"{name}: {json.dumps(value, ensure_ascii=False)}"
 
@@ -73,8 +75,8 @@ def page_texts(http: httpx.Client) -> dict[str, str]:
         common = set.intersection(*(set(lines) for lines in pages.values()))
         texts[f"{kind}-common"] = [line for line in pages[NAMES[0]] if line in common]
         for name, lines in pages.items():
-            own = [line for line in lines if line not in common]
-            texts[name] = [*texts.get(name, []), f"--- /{kind}/{name}", *own]
+            own_lines = [line for line in lines if line not in common]
+            texts[name] = [*texts.get(name, []), f"--- /{kind}/{name}", *own_lines]
     for name in NAMES:
         facts = http.get(f"/folds/{name}/facts").json()
         texts[name] += [f"--- /folds/{name}/facts", *flat(facts)]

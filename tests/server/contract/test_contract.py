@@ -9,10 +9,10 @@ from tests.server.contract.texts import STORE, stored, texts
 
 
 def test_texts_for_programs_and_people_are_the_stored_ones(tmp_path: Path) -> None:
-    known, current = stored(), texts(tmp_path / "data")
-    assert current.keys() == known.keys(), STORE
+    known_stored, current = stored(), texts(tmp_path / "data")
+    assert current.keys() == known_stored.keys(), STORE
     for name, text in current.items():
-        assert text == known[name], f"{name} differs; {STORE}"
+        assert text == known_stored[name], f"{name} differs; {STORE}"
 
 
 def test_description_of_the_api_names_each_operation() -> None:

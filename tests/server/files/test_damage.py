@@ -35,19 +35,19 @@ MOTION_ROUTES = ("bundle", "batch", "figures", "standalone.html", "recording.vis
 
 
 @pytest.fixture(scope="module")
-def whole(service: Service) -> FinishedFold:
+def whole_fold(service: Service) -> FinishedFold:
     """Separate fold, as damage to a shared one would affect other tests."""
     accepted = service.fold(SNAKE, seed=3)
     return FinishedFold(service, accepted, [], service.wait_over(accepted["id"]))
 
 
 @pytest.fixture
-def fold(whole: FinishedFold, tmp_path: Path) -> Iterator[FinishedFold]:
+def fold(whole_fold: FinishedFold, tmp_path: Path) -> Iterator[FinishedFold]:
     """Fold whose files are restored afterwards."""
-    shutil.copytree(whole.directory, tmp_path / "whole")
-    yield whole
-    shutil.rmtree(whole.directory)
-    shutil.copytree(tmp_path / "whole", whole.directory)
+    shutil.copytree(whole_fold.directory, tmp_path / "whole")
+    yield whole_fold
+    shutil.rmtree(whole_fold.directory)
+    shutil.copytree(tmp_path / "whole", whole_fold.directory)
 
 
 def test_fold_with_lost_chunks_shows_no_motion(fold: FinishedFold) -> None:
@@ -76,15 +76,15 @@ def test_damaged_download_is_refused(fold: FinishedFold) -> None:
     check_problem(fold.http.get(f"{fold.page}/standalone.html"), 500, "damaged-data")
 
 
-def test_private_picture_and_data_directory_are_closed_to_others(whole: FinishedFold) -> None:
+def test_private_picture_and_data_directory_are_closed_to_others(whole_fold: FinishedFold) -> None:
     """The database and the files of folds are closed as well, by their own modes."""
-    answer = whole.http.get(f"{whole.page}/picture.png")
+    answer = whole_fold.http.get(f"{whole_fold.page}/picture.png")
     assert (answer.status_code, answer.headers["Cache-Control"]) == (
         200,
         "private, no-cache, no-transform",
     )
     assert answer.content.startswith(b"\x89PNG")
-    data_dir = whole.service.data_dir
+    data_dir = whole_fold.service.data_dir
     assert data_dir.stat().st_mode & 0o077 == 0
     written = [*data_dir.glob("*.db*"), *data_dir.rglob("plan.json")]
     assert written
@@ -130,7 +130,7 @@ def test_fold_with_any_damaged_file_is_answered_in_sentences(fold: FinishedFold)
     files = [path for path in sorted(directory.iterdir()) if path.is_file()]
     files += [directory / "timeline.zarr" / "zarr.json", directory / "figures.zarr" / "zarr.json"]
     for path, damage in zip(files, cycle(DAMAGES), strict=False):
-        whole = path.read_bytes()
+        file_bytes = path.read_bytes()
         damage(path)
         for route in ROUTES:
             answer = fold.http.get(route.format(id=fold.id))
@@ -139,7 +139,7 @@ def test_fold_with_any_damaged_file_is_answered_in_sentences(fold: FinishedFold)
             )
         if path.is_dir():
             path.rmdir()
-        path.write_bytes(whole)
+        path.write_bytes(file_bytes)
     assert b"Traceback" not in log.read_bytes()[logged_before:]
 
 
@@ -191,7 +191,7 @@ def test_route_that_makes_something_of_damaged_source_refuses(shipped: ServiceTh
         ("chain.json", "GET", [f"{page}/picture.png"]),
         ("timeline.zarr/joint_angles_rad/c/0/0", "POST", [f"/api{page}/movies"]),
     ):
-        whole = (place / source).read_bytes()
+        file_bytes = (place / source).read_bytes()
         truncate(place / source)
         for path in paths:
             answer = shipped.http.request(method, path, json={} if method == "POST" else None)
@@ -201,7 +201,7 @@ def test_route_that_makes_something_of_damaged_source_refuses(shipped: ServiceTh
             with pytest.raises(InvalidStatus) as refused:
                 connect(address)
             assert "damaged-data" in str(refused.value.response.body)
-        (place / source).write_bytes(whole)
+        (place / source).write_bytes(file_bytes)
 
 
 @pytest.mark.long
@@ -222,7 +222,9 @@ def test_no_route_of_private_fold_lets_shared_caches_store_it(shipped: ServiceTh
     assert len(routes) > 20
     values = {"fold_id": fold_id, "movie_id": "abc"}
     paths = [
-        re.sub(r"{(\w+)[^}]*}", lambda found: values.get(found[1], "csv"), route)
+        re.sub(
+            r"{(\w+)[^}]*}", lambda parameter_match: values.get(parameter_match[1], "csv"), route
+        )
         for route in routes
         if not route.endswith("/events")
     ]

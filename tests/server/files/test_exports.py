@@ -39,23 +39,27 @@ OFFERED = [export for export in EXPORTS if not export.resting]
 def test_each_export_is_listed_and_downloaded(finished: FinishedFold) -> None:
     """The planner's tests check the content of the files."""
     listed = finished.http.get(finished.state["links"]["exports"]).json()["exports"]
-    assert [one["name"] for one in listed] == [export.name for export in OFFERED]
+    assert [listed_export["name"] for listed_export in listed] == [
+        export.name for export in OFFERED
+    ]
     facts = finished.http.get(f"{finished.page}/facts").json()
     assert facts["downloads"] == [
-        {key: one[key] for key in ("label", "hint", "href")} for one in listed
+        {key: listed_export[key] for key in ("label", "hint", "href")} for listed_export in listed
     ]
     directory = finished.directory
-    for export, one in zip(OFFERED, listed, strict=True):
-        answer = finished.http.get(one["href"])
+    for export, first in zip(OFFERED, listed, strict=True):
+        answer = finished.http.get(first["href"])
         assert answer.status_code == 200, answer.text
-        assert answer.headers["content-type"] == export.media_type == one["media_type"]
+        assert answer.headers["content-type"] == export.media_type == first["media_type"]
         saved_as = export.filename if export.shared else f"path-{export.filename}"
         assert answer.headers["content-disposition"] == f'attachment; filename="{saved_as}"'
-        own = directory / export.filename
-        stored = own if own.exists() else directory / EXPORTS_DIR / own.name
-        assert answer.content == stored.read_bytes() != b""
+        export_path = directory / export.filename
+        stored_path = (
+            export_path if export_path.exists() else directory / EXPORTS_DIR / export_path.name
+        )
+        assert answer.content == stored_path.read_bytes() != b""
         assert not list((directory / EXPORTS_DIR).glob(".*"))
-        assert finished.http.get(one["href"]).content == answer.content
+        assert finished.http.get(first["href"]).content == answer.content
 
 
 def test_unknown_exports_are_refused(finished: FinishedFold) -> None:
@@ -89,10 +93,10 @@ def test_model_of_the_fold_itself_is_exported(store: Store, fold: FoldRow) -> No
 
 
 def test_few_files_are_made_at_once_and_each_once(store: Store) -> None:
-    may_end, made = threading.Event(), list[object]()
+    may_end, built_exports = threading.Event(), list[object]()
 
     def slow(name: object) -> object:
-        made.append(name)
+        built_exports.append(name)
         assert may_end.wait(30.0)
         return name
 
@@ -104,17 +108,17 @@ def test_few_files_are_made_at_once_and_each_once(store: Store) -> None:
             return shop.flight.get_or_make(name, lambda: slow(name))
 
         tasks = [asyncio.create_task(made_by(name)) for name in names * 3]
-        while len(made) < FILES_AT_ONCE:
+        while len(built_exports) < FILES_AT_ONCE:
             await asyncio.sleep(0.01)
         with pytest.raises(Unavailable) as refused:
             await made_by("one more")
         assert refused.value.code == "busy" and (refused.value.retry_after_s or 0) > 0
-        assert len(made) == FILES_AT_ONCE  # the others wait without occupying threads
+        assert len(built_exports) == FILES_AT_ONCE  # the others wait without occupying threads
         assert await asyncio.wait_for(asyncio.to_thread(lambda: "quick"), 10.0) == "quick"
         tasks[0].cancel()  # the other requests still need the file
         may_end.set()
         assert await asyncio.gather(*tasks[1:]) == [*names[1:], *names, *names]
-        assert sorted(made) == names  # type: ignore[type-var]
+        assert sorted(built_exports) == names  # type: ignore[type-var]
         assert await made_by("one more") == "one more"
         shop.close()
 
@@ -137,9 +141,9 @@ def test_export_older_than_its_plan_is_made_again_and_deleted_with_it(
     with pytest.raises(NoSuchFoldError):
         export_fold(store, fold, "urdf")
     assert not store.directory(fold.id).exists()  # nothing remains of a deleted fold
-    with pytest.raises(NotFound) as gone:
+    with pytest.raises(NotFound) as refusal:
         export_fold(store, fold, "urdf")
-    assert gone.value.code == "no-such-artifact"
+    assert refusal.value.code == "no-such-artifact"
 
 
 def test_plans_too_large_for_the_service_are_refused_with_advice(
@@ -181,7 +185,9 @@ def test_leaflets_take_a_hostile_name_for_text(service: Service) -> None:
     accepted = service.upload("snake.json", data, strategy="turns").json()
     assert service.wait_over(accepted["id"])["status"] == "verified"
     api = f"/api/folds/{accepted['id']}"
-    listed = {one["name"]: one for one in service.http.get(f"{api}/exports").json()["exports"]}
+    listed = {
+        export["name"]: export for export in service.http.get(f"{api}/exports").json()["exports"]
+    }
     for name in ("leaflet", "leaflet-letter", "leaflet-html"):
         answer = service.http.get(listed[name]["href"])
         assert answer.status_code == 200, answer.text
@@ -203,10 +209,12 @@ def test_leaflets_take_a_hostile_name_for_text(service: Service) -> None:
 
 def test_downloads_of_a_plan_without_frames_leave_out_motion(store: Store, fold: FoldRow) -> None:
     fold.summary = {**fold.summary, "playback": None}
-    found = Found(ShownFold.of(fold), store.directory(fold.id))
-    offered = [one["href"].rpartition("/")[2] for one in fold_facts(found)["downloads"]]
-    assert offered == [one.name for one in OFFERED if not one.moving]
-    assert fold_facts(found, api=False)["downloads"] == []
+    found_fold = Found(ShownFold.of(fold), store.directory(fold.id))
+    offered = [
+        download["href"].rpartition("/")[2] for download in fold_facts(found_fold)["downloads"]
+    ]
+    assert offered == [export.name for export in OFFERED if not export.moving]
+    assert fold_facts(found_fold, api=False)["downloads"] == []
 
 
 def test_export_command_writes_the_requested_files(finished: FinishedFold, tmp_path: Path) -> None:
@@ -227,11 +235,11 @@ def small_fold(store: Store) -> FoldRow:
 
 
 def test_only_the_last_edition_of_a_file_is_stored(store: Store, small_fold: FoldRow) -> None:
-    made: list[str] = []
+    built_names: list[str] = []
 
     async def ask(edition: str) -> Path:
         def make() -> bytes:
-            made.append(edition)
+            built_names.append(edition)
             return edition.encode()
 
         shop = Artifacts(store)
@@ -246,7 +254,7 @@ def test_only_the_last_edition_of_a_file_is_stored(store: Store, small_fold: Fol
 
     before = store.fold(small_fold.id)
     paths = [asyncio.run(ask(edition)) for edition in ("a1", "a1", "b02", "b02")]
-    assert made == ["a1", "b02"]
+    assert built_names == ["a1", "b02"]
     assert paths[-1].read_text() == "b02"
     after = store.fold(small_fold.id)
     assert (after.bytes, after.derived_bytes) == (before.bytes, before.derived_bytes + 3)
@@ -256,8 +264,8 @@ def test_only_the_last_edition_of_a_file_is_stored(store: Store, small_fold: Fol
 def test_derived_files_do_not_count_as_the_fold_and_may_be_stored_elsewhere(
     store: Store, small_fold: FoldRow, tmp_path: Path
 ) -> None:
-    def made(name: str, **where: Any) -> Path:
-        shop = Artifacts(store, **where)
+    def made(name: str, **place_options: Any) -> Path:
+        shop = Artifacts(store, **place_options)
         return asyncio.run(
             shop.file(
                 small_fold.id, store.directory(small_fold.id), name, lambda: b"made", of="plan"

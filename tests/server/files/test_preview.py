@@ -22,8 +22,8 @@ from tests.web.timeline.decoding import decode
 CROSS = [[1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0], [1, 2, 0]]
 
 
-def voxels(cells: object, **more: object) -> bytes:
-    return json.dumps({"format": "foldback-voxels/1", "cells": cells, **more}).encode()
+def voxels(cells: object, **extra: object) -> bytes:
+    return json.dumps({"format": "foldback-voxels/1", "cells": cells, **extra}).encode()
 
 
 def box(*size: int) -> list[list[int]]:
@@ -59,76 +59,88 @@ def is_path(cells: list[list[int]]) -> bool:
 
 
 def test_mesh_becomes_about_as_many_modules_as_requested(idle: Service) -> None:
-    found = report(idle, stl(), modules="128")
-    assert (found["kind"], found["method"]) == ("mesh", "blocks")
-    assert found["modules"] == len(found["cells"]) == 128  # a box of 4 by 2 by 2 blocks
-    assert found["has_path"] and is_path(found["cells"])
-    assert found["iou"] == found["likeness"]["iou"] == pytest.approx(1.0, abs=0.02)
-    assert found["missing"]["faces"] == []
-    assert [each["likeness"] for each in found["reach"]] == [0.6, 0.75, 0.9]
-    assert found["knot"]["verdict"] == "unknot"
-    assert found["expected_as_published_s"] > found["expected_s"] > 0
+    computed_report = report(idle, stl(), modules="128")
+    assert (computed_report["kind"], computed_report["method"]) == ("mesh", "blocks")
+    assert (
+        computed_report["modules"] == len(computed_report["cells"]) == 128
+    )  # a box of 4 by 2 by 2 blocks
+    assert computed_report["has_path"] and is_path(computed_report["cells"])
+    assert (
+        computed_report["iou"] == computed_report["likeness"]["iou"] == pytest.approx(1.0, abs=0.02)
+    )
+    assert computed_report["missing"]["faces"] == []
+    assert [offer["likeness"] for offer in computed_report["reach"]] == [0.6, 0.75, 0.9]
+    assert computed_report["knot"]["verdict"] == "unknot"
+    assert computed_report["expected_as_published_s"] > computed_report["expected_s"] > 0
     # The mesh and the cells fill the same box.
-    cells, vertices = np.array(found["cells"]), np.array(found["mesh"]["vertices"])
+    cells, vertices = (
+        np.array(computed_report["cells"]),
+        np.array(computed_report["mesh"]["vertices"]),
+    )
     np.testing.assert_allclose(vertices.min(axis=0), cells.min(axis=0) - 0.5, atol=0.2)
     np.testing.assert_allclose(vertices.max(axis=0), cells.max(axis=0) + 0.5, atol=0.2)
     # The stored preview is requested with other options.
-    again = report(idle, preview=found["id"], modules="216", full="false")
-    assert again["id"] == found["id"] and again["key"] != found["key"]
-    assert again["modules"] > found["modules"]
-    assert (again["cells"], again["mesh"]) == ([], None)
-    assert report(idle, preview=found["id"], modules="128") == found
+    second_report = report(idle, preview=computed_report["id"], modules="216", full="false")
+    assert (
+        second_report["id"] == computed_report["id"]
+        and second_report["key"] != computed_report["key"]
+    )
+    assert second_report["modules"] > computed_report["modules"]
+    assert (second_report["cells"], second_report["mesh"]) == ([], None)
+    assert report(idle, preview=computed_report["id"], modules="128") == computed_report
 
 
 def test_path_starts_at_the_requested_cell_and_is_folded_so(idle: Service) -> None:
-    found = report(idle, stl(), modules="32")
-    cell = found["cells"][17]
+    computed_report = report(idle, stl(), modules="32")
+    cell = computed_report["cells"][17]
     start = ",".join(map(str, cell))
-    started = report(idle, preview=found["id"], modules="32", start=start)
+    started = report(idle, preview=computed_report["id"], modules="32", start=start)
     assert (started["cells"][0], started["start"], started["not_started"]) == (cell, cell, "")
     assert is_path(started["cells"])
-    form = {"token": new_token(), "preview": found["id"]}
+    form = {"token": new_token(), "preview": computed_report["id"]}
     fold = idle.fold(**form, modules="32", start=start)
     request = json.loads((idle.directory(fold["id"]) / "request.json").read_text())
     assert (request["start"], request["modules"]) == (cell, 32)
     assert request["filename"] == "thing.bin"
     assert idle.fold(**form, modules="32", start=start)["id"] == fold["id"]
-    for other in ({"modules": "40"}, {"modules": "32", "ends": "surface"}):
-        assert idle.fold(**form, **other)["id"] != fold["id"]
-    check_problem(ask(idle, preview=found["id"], modules="32", start="99,0,0"), 422, "not-a-cell")
-    assert ask(idle, preview=found["id"], start="here").json()["code"] == "bad-start"
+    for changed_form in ({"modules": "40"}, {"modules": "32", "ends": "surface"}):
+        assert idle.fold(**form, **changed_form)["id"] != fold["id"]
+    check_problem(
+        ask(idle, preview=computed_report["id"], modules="32", start="99,0,0"), 422, "not-a-cell"
+    )
+    assert ask(idle, preview=computed_report["id"], start="here").json()["code"] == "bad-start"
 
 
 def test_preview_is_drawn_and_shown_in_3d(idle: Service) -> None:
-    found = report(idle, voxels(box(3, 2, 2), name="<script>"))
-    where, key = f"/previews/{found['id']}", found["key"]
-    answer = idle.http.get(f"{where}/drawing.svg", params={"key": key})
+    computed_report = report(idle, voxels(box(3, 2, 2), name="<script>"))
+    preview_path, key = f"/previews/{computed_report['id']}", computed_report["key"]
+    answer = idle.http.get(f"{preview_path}/drawing.svg", params={"key": key})
     assert answer.status_code == 200
     assert answer.headers["content-type"].startswith("image/svg+xml")
     assert answer.headers["content-security-policy"] == "default-src 'none'"
     assert "script" not in answer.text and len(answer.content) < 200_000
     assert len(list(ElementTree.fromstring(answer.text))) > 2
-    answer = idle.http.get(f"{where}/scene/{key}")
+    answer = idle.http.get(f"{preview_path}/scene/{key}")
     assert answer.status_code == 200
     assert answer.headers["cache-control"].startswith("private")
     header, arrays = decode(answer.content)
-    assert header["hull"]["modules"] == found["modules"]
-    assert arrays["cells"].tolist() == found["cells"]
+    assert header["hull"]["modules"] == computed_report["modules"]
+    assert arrays["cells"].tolist() == computed_report["cells"]
     assert {"/cells", "/path"} <= {m.get("name") for m in header["messages"]}
     for wrong in ("0" * 24, "upload.json", "..%2Fupload", key[:-1], key.upper()):
-        assert idle.http.get(f"{where}/scene/{wrong}").status_code == 404
-        assert idle.http.get(f"{where}/drawing.svg?key={wrong}").status_code == 404
+        assert idle.http.get(f"{preview_path}/scene/{wrong}").status_code == 404
+        assert idle.http.get(f"{preview_path}/drawing.svg?key={wrong}").status_code == 404
 
 
 def test_page_of_a_fold_draws_the_cells_of_its_preview(idle: Service) -> None:
-    found = report(idle, stl(), modules="64", seed="5")
-    fold = idle.fold(preview=found["id"], modules="64", seed="5")
+    computed_report = report(idle, stl(), modules="64", seed="5")
+    fold = idle.fold(preview=computed_report["id"], modules="64", seed="5")
     page = idle.http.get(f"/folds/{fold['id']}").text
     drawn = page[page.index("<svg", page.index("cover-art")) :].partition("</svg>")[0] + "</svg>"
-    assert drawn == isometric_svg(found["cells"])
+    assert drawn == isometric_svg(computed_report["cells"])
     # Without a preview the shape of a mesh is unknown, and nothing is drawn.
-    other = idle.fold(preview=found["id"], modules="96", seed="5")
-    page = idle.http.get(f"/folds/{other['id']}").text
+    other_fold = idle.fold(preview=computed_report["id"], modules="96", seed="5")
+    page = idle.http.get(f"/folds/{other_fold['id']}").text
     assert '<div class="cover-art"></div>' in page
 
 
@@ -140,9 +152,9 @@ def test_options_of_a_fold_are_changed_by_its_owner_only(idle: Service) -> None:
     facts = json.loads(page.text.partition('id="facts">')[2].partition("</script>")[0])
     assert (page.status_code, facts["id"], facts["origin"]) == (200, "", {"fold": fold["id"]})
     assert facts["options"] == options
-    again = report(idle, fold=fold["id"], modules="128", full="false", token=token)
-    assert (again["name"], again["modules"]) == ("thing", 128)
-    assert idle.http.get(again["links"]["page"]).status_code == 200
+    second_report = report(idle, fold=fold["id"], modules="128", full="false", token=token)
+    assert (second_report["name"], second_report["modules"]) == ("thing", 128)
+    assert idle.http.get(second_report["links"]["page"]).status_code == 200
     for stranger in (None, new_token()):
         answer = ask(idle, fold=fold["id"], token=stranger)
         assert check_problem(answer, 403, "not-owner").startswith("Only the owner")
@@ -157,17 +169,17 @@ def test_options_of_a_fold_are_changed_by_its_owner_only(idle: Service) -> None:
 
 def test_blocks_are_not_offered_for_cells_apart(idle: Service) -> None:
     apart = voxels([[0, 0, 0], [1, 0, 0], [2, 0, 0], [9, 0, 0]])
-    found = report(idle, apart, method="blocks")
-    assert not found["has_path"]
-    assert not any("always has a path" in note for note in found["notes"])
+    computed_report = report(idle, apart, method="blocks")
+    assert not computed_report["has_path"]
+    assert not any("always has a path" in note for note in computed_report["notes"])
     for method in ("auto", "blocks"):
         answer = idle.upload("a.json", apart, method=method)
         assert answer.status_code == 422
         assert "2 parts" in answer.json()["detail"]
         assert "'blocks'" not in answer.json()["detail"]
-    whole = report(idle, voxels(CROSS), method="blocks")
-    assert (whole["modules"], is_path(whole["cells"])) == (8 * len(CROSS), True)
-    assert any("always has a path" in note for note in whole["notes"])
+    whole_report = report(idle, voxels(CROSS), method="blocks")
+    assert (whole_report["modules"], is_path(whole_report["cells"])) == (8 * len(CROSS), True)
+    assert any("always has a path" in note for note in whole_report["notes"])
 
 
 def test_bad_options_and_files_are_refused(idle: Service) -> None:
@@ -238,9 +250,9 @@ def test_quick_preview_of_a_mesh_is_followed_by_the_final_one_that_is_folded(idl
     final = report(idle, **form)
     assert final["final"] and final["key"] != first["key"]
     assert final["iou"] >= first["iou"]
-    for made in (first, final):
-        scene = idle.http.get(f"/previews/{first['id']}/scene/{made['key']}").content
-        assert decode(scene)[1]["cells"].tolist() == made["cells"]
+    for preview in (first, final):
+        scene = idle.http.get(f"/previews/{first['id']}/scene/{preview['key']}").content
+        assert decode(scene)[1]["cells"].tolist() == preview["cells"]
     # Once there is a final result, there is no reason to answer with the first one.
     assert report(idle, **form, quick="true") == final
     cells = report(idle, voxels(box(3, 2, 2)), quick="true")

@@ -65,8 +65,8 @@ def test_service_on_read_only_disk_shows_folds_and_writes_nothing(
     before = tree(service.data_dir)
     for route in ROUTES:
         answer = service.http.get(route.format(id=fold_id))
-        made = any(part in route for part in ("exports/", "picture", "standalone", "recording"))
-        assert answer.status_code == 200 or (made and "read-only" in answer.text), (
+        is_built = any(part in route for part in ("exports/", "picture", "standalone", "recording"))
+        assert answer.status_code == 200 or (is_built and "read-only" in answer.text), (
             f"{route} {answer.status_code} {answer.text[:300]}"
         )
     assert WORDS in service.http.get("/").text
@@ -115,17 +115,17 @@ def test_worker_on_read_only_disk_ends_in_one_line(stored: tuple[ServiceThread, 
 
 def test_database_with_unfinished_log_on_read_only_disk_is_read(tmp_path: Path) -> None:
     """The write-ahead log of a killed service contains its latest writes."""
-    here, there = tmp_path / "here", tmp_path / "there"
-    here.mkdir()
-    with sqlite3.connect(here / "rows.db") as live:
+    data_directory, copy_directory = tmp_path / "here", tmp_path / "there"
+    data_directory.mkdir()
+    with sqlite3.connect(data_directory / "rows.db") as live:
         live.execute("PRAGMA journal_mode=WAL")
         live.execute("CREATE TABLE folds (id TEXT)")
         live.execute("INSERT INTO folds VALUES ('latest')")
         live.commit()
-        shutil.copytree(here, there)
+        shutil.copytree(data_directory, copy_directory)
     live.close()
-    with read_only(there):
-        engine = read_only_engine(f"sqlite:///{there / 'rows.db'}")
+    with read_only(copy_directory):
+        engine = read_only_engine(f"sqlite:///{copy_directory / 'rows.db'}")
         with engine.connect() as connection:
             rows = connection.exec_driver_sql("SELECT id FROM folds").all()
         engine.dispose()

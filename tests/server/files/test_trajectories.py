@@ -77,9 +77,9 @@ class Motions:
     def __init__(self, place: Path, plan: Path) -> None:
         self.place, self.plan, self.tasks = place, plan, TasksInProcess()
 
-    def trajectories(self, **more: int) -> Trajectories:
+    def trajectories(self, **extra: int) -> Trajectories:
         """Return an empty cache of trajectories within bounds."""
-        return Trajectories(Settings(data_dir=self.place), cast("Pool", self.tasks), **more)
+        return Trajectories(Settings(data_dir=self.place), cast("Pool", self.tasks), **extra)
 
     def wanted(self, speed: float = 1.0) -> Wanted:
         return Wanted.of(self.plan, speed, 2.0)
@@ -103,15 +103,15 @@ def motions(tmp_path: Path, plan: Path) -> Motions:
 
 
 def test_trajectory_is_that_of_the_planner_and_leaves_no_files(motions: Motions) -> None:
-    found = motions.retime()
+    retimed = motions.retime()
     meant = retime_plan(Plan.load(motions.plan), 1.0, 2.0)
     times = np.linspace(0.0, meant.duration_s, 101)
-    for one, other in zip(found.trajectory.at(times), meant.at(times), strict=True):
-        assert np.array_equal(one, other)
-    assert np.array_equal(found.trajectory.frame_at(times), meant.frame_at(times))
-    assert found.trajectory.joint_names == meant.joint_names
-    assert found.trajectory.deviation_rad == meant.deviation_rad
-    assert found.verified
+    for first, second in zip(retimed.trajectory.at(times), meant.at(times), strict=True):
+        assert np.array_equal(first, second)
+    assert np.array_equal(retimed.trajectory.frame_at(times), meant.frame_at(times))
+    assert retimed.trajectory.joint_names == meant.joint_names
+    assert retimed.trajectory.deviation_rad == meant.deviation_rad
+    assert retimed.verified
     assert [*(motions.place / "scratch").iterdir(), *(motions.place / "motions").iterdir()] == []
 
 
@@ -119,22 +119,22 @@ def test_hijacked_child_changes_no_plan_and_no_trajectory(
     motions: Motions, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before, call = motions.plan.read_bytes(), motions.tasks.call
-    held: list[BinaryIO] = []
+    binary_ios: list[BinaryIO] = []
 
     def hijacked(task: str, place: Path) -> dict[str, Any]:
         answer = call(task, place)
         (place / PLAN).write_bytes(b"other")
-        held.append((place / FRAMES_FILE).open("r+b"))
+        binary_ios.append((place / FRAMES_FILE).open("r+b"))
         return answer
 
     monkeypatch.setattr(motions.tasks, "call", hijacked)
-    found = motions.retime()
+    retimed = motions.retime()
     now = motions.plan.read_bytes()
     motions.plan.write_bytes(before)
     assert now == before
-    with held[0] as frames:
+    with binary_ios[0] as frames:
         frames.write(bytes(1 << 16))
-    corners = found.trajectory.path.frames
+    corners = retimed.trajectory.path.frames
     assert np.array_equal(corners, retime_plan(Plan.load(motions.plan), 1.0, 2.0).path.frames)
 
 
@@ -155,7 +155,7 @@ def test_files_of_the_child_are_read_within_bounds(
         return answer
 
     monkeypatch.setattr(motions.tasks, "call", hijacked)
-    wanted = motions.wanted()
+    expected = motions.wanted()
     for name, bounds, kind in (
         (FRAMES_FILE, {"used_bytes": 2**24}, TooLarge),
         (REST_FILE, {"used_bytes": 2**24}, TooLarge),
@@ -174,7 +174,7 @@ def test_files_of_the_child_are_read_within_bounds(
         form="csv",
     )
     with pytest.raises(TooLarge):
-        asyncio.run(motions.trajectories().motors(wanted, robot, "a"))
+        asyncio.run(motions.trajectories().motors(expected, robot, "a"))
 
 
 def test_trajectories_sent_to_one_address_are_limited(motions: Motions) -> None:
@@ -198,16 +198,16 @@ def test_equal_requests_share_one_trajectory_without_threads(motions: Motions) -
         asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(1))
         trajectories = motions.trajectories()
         motions.tasks.go_on.clear()
-        wanted = [motions.wanted(speed) for speed in (1.0, 2.0, 3.0, 4.0, 5.0)]
-        same = [asyncio.create_task(trajectories.of(wanted[0], f"v{k}")) for k in range(24)]
-        others = [asyncio.create_task(trajectories.of(w, "v0")) for w in wanted[1:4]]
+        expected = [motions.wanted(speed) for speed in (1.0, 2.0, 3.0, 4.0, 5.0)]
+        same_tasks = [asyncio.create_task(trajectories.of(expected[0], f"v{k}")) for k in range(24)]
+        other_tasks = [asyncio.create_task(trajectories.of(w, "v0")) for w in expected[1:4]]
         await asyncio.sleep(0)
         assert await asyncio.wait_for(asyncio.to_thread(lambda: "free"), 10.0) == "free"
         with pytest.raises(TooMany):
-            await trajectories.of(wanted[4], "v0")
+            await trajectories.of(expected[4], "v0")
         motions.tasks.go_on.set()
-        assert len({id(found) for found in await asyncio.gather(*same)}) == 1
-        await asyncio.gather(*others)
+        assert len({id(trajectory) for trajectory in await asyncio.gather(*same_tasks)}) == 1
+        await asyncio.gather(*other_tasks)
         assert motions.tasks.calls == ["retime"] * 4
         trajectories.close()
 
@@ -216,33 +216,35 @@ def test_equal_requests_share_one_trajectory_without_threads(motions: Motions) -
 
 def test_cached_trajectories_are_bounded_by_bytes_and_share_frames(motions: Motions) -> None:
     async def ask() -> None:
-        one = (await motions.trajectories().of(motions.wanted(), "a")).trajectory
-        trajectories = motions.trajectories(kept_bytes=3 * one.nbytes)
+        trajectory = (await motions.trajectories().of(motions.wanted(), "a")).trajectory
+        trajectories = motions.trajectories(kept_bytes=3 * trajectory.nbytes)
         for k in range(20):
             await trajectories.of(motions.wanted(1.0 + k), "a")
-            assert trajectories.nbytes <= 3 * one.nbytes
+            assert trajectories.nbytes <= 3 * trajectory.nbytes
         before = len(motions.tasks.calls)
         await trajectories.of(motions.wanted(20.0), "a")
         assert len(motions.tasks.calls) == before  # the last one is still cached
         await trajectories.of(motions.wanted(), "a")
         assert len(motions.tasks.calls) == before + 1  # the first one is not
         used = [await trajectories.of(motions.wanted(50.0 + k), "a") for k in range(8)]
-        assert len({id(found.trajectory.path.frames) for found in used}) == 1
-        assert trajectories.nbytes < 4 * one.nbytes + 8 * (one.nbytes - one.path.frames.nbytes)
+        assert len({id(trajectory_use.trajectory.path.frames) for trajectory_use in used}) == 1
+        assert trajectories.nbytes < 4 * trajectory.nbytes + 8 * (
+            trajectory.nbytes - trajectory.path.frames.nbytes
+        )
 
     asyncio.run(ask())
 
 
 def test_trajectories_in_use_are_bounded(motions: Motions) -> None:
     async def ask() -> None:
-        one = (await motions.trajectories().of(motions.wanted(), "a")).trajectory
-        trajectories = motions.trajectories(used_bytes=int(1.5 * one.nbytes), kept_bytes=0)
-        held = [await trajectories.of(motions.wanted(), "a")]
+        trajectory = (await motions.trajectories().of(motions.wanted(), "a")).trajectory
+        trajectories = motions.trajectories(used_bytes=int(1.5 * trajectory.nbytes), kept_bytes=0)
+        kept_trajectories = [await trajectories.of(motions.wanted(), "a")]
         with pytest.raises(Unavailable) as refused:
             for k in range(10):
-                held.append(await trajectories.of(motions.wanted(2.0 + k), "a"))
+                kept_trajectories.append(await trajectories.of(motions.wanted(2.0 + k), "a"))
         assert refused.value.code == "busy"
-        held.clear()
+        kept_trajectories.clear()
         del refused  # its traceback refers to the refused one
         await trajectories.of(motions.wanted(30.0), "a")
 
@@ -256,8 +258,8 @@ def test_rate_at_which_modules_overlap_is_refused_with_advice(
 
         def refuse_overlap(task: str, place: Path, enough: float | None = enough) -> dict[str, Any]:
             assert json.loads((place / "request.json").read_bytes())["rate_hz"] == 1.0
-            found = {"min_clearance": -0.36, "clearance_bound": -0.36, "overlap": True}
-            return {**found, "sufficient_rate_hz": enough}
+            clearance_values = {"min_clearance": -0.36, "clearance_bound": -0.36, "overlap": True}
+            return {**clearance_values, "sufficient_rate_hz": enough}
 
         monkeypatch.setattr(motions.tasks, "call", refuse_overlap)
         with pytest.raises(Unusable, match=advice):

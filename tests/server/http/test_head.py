@@ -15,12 +15,12 @@ def test_every_get_route_answers_head_and_knows_what_exists(idle: ServiceThread)
     for number, path in enumerate(PATHS):
         address = fill_in(path, "x")
         visitor = {"X-Forwarded-For": f"10.9.{number}.1"}
-        whole = idle.http.get(address, headers=visitor)
+        response = idle.http.get(address, headers=visitor)
         head = idle.http.head(address, headers=visitor)
-        assert head.status_code == whole.status_code, path
-        assert "{" not in path or whole.status_code == OTHERS.get(path, 404), path
-        assert head.headers.get("content-type") == whole.headers.get("content-type"), path
-        assert head.headers.get("content-length") == whole.headers.get("content-length"), path
+        assert head.status_code == response.status_code, path
+        assert "{" not in path or response.status_code == OTHERS.get(path, 404), path
+        assert head.headers.get("content-type") == response.headers.get("content-type"), path
+        assert head.headers.get("content-length") == response.headers.get("content-length"), path
         assert not head.content, path
     assert "HEAD /folds/x" not in idle.log.read_text(), "logs name routes, not links"
 
@@ -37,8 +37,8 @@ def test_head_of_a_fold_ends_at_once(finished: FinishedFold) -> None:
 def test_icon_and_manifest_are_served(idle: ServiceThread) -> None:
     assert idle.http.get("/favicon.ico").content[:4] == b"\0\0\1\0"
     manifest = idle.http.get("/manifest.webmanifest").json()
-    for each in manifest["icons"]:
-        assert idle.http.head(each["src"]).headers["content-type"] == each["type"]
+    for icon in manifest["icons"]:
+        assert idle.http.head(icon["src"]).headers["content-type"] == icon["type"]
 
 
 def test_oembed_describes_a_fold_of_this_service(finished: FinishedFold) -> None:

@@ -54,9 +54,9 @@ def test_response_is_reused_for_a_second(counting_app: CountingApp) -> None:
 
 def test_known_etag_is_not_modified(counting_app: CountingApp) -> None:
     counting_app.get("/folds/a")
-    known = counting_app.get("/folds/a", **{"If-None-Match": '"1"'})
-    assert (known.status_code, known.content) == (304, b"")
-    assert "content-length" not in known.headers
+    known_counting_app = counting_app.get("/folds/a", **{"If-None-Match": '"1"'})
+    assert (known_counting_app.status_code, known_counting_app.content) == (304, b"")
+    assert "content-length" not in known_counting_app.headers
     assert len(counting_app.send_request) == 1
 
 

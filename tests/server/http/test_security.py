@@ -38,8 +38,8 @@ def test_pages_of_others_change_nothing(idle: Service) -> None:
         for origin in ("http://evil.example", "null", "http://[", f"ftp://{host}"):
             answer = idle.http.request(method, path, data=form, headers={"Origin": origin})
             assert (answer.status_code, answer.json()["code"]) == (403, "foreign-origin")
-    ours = idle.http.post("/api/folds", data=form, headers={"Origin": f"http://{host}"})
-    assert (ours.status_code, ours.json()["existing"]) == (202, False)
+    own_answer = idle.http.post("/api/folds", data=form, headers={"Origin": f"http://{host}"})
+    assert (own_answer.status_code, own_answer.json()["existing"]) == (202, False)
     # A browser that has no permission may not even send one of our keys in a header.
     send_request = {"Origin": "http://evil.example", "Access-Control-Request-Method": "GET"}
     send_request["Access-Control-Request-Headers"] = "authorization"

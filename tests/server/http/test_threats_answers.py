@@ -106,5 +106,5 @@ def _check(service: Service, method: str, place: str, **content: Any) -> None:
     answer = service.http.request(method.upper(), place, headers=headers, **content)
     assert answer.status_code != 500, (method, place, content)
     if answer.status_code >= 400:
-        found = INTERNAL.search(answer.text) or CLASSES.search(answer.text)
-        assert found is None, (method, place, content, found, answer.text[:400])
+        match = INTERNAL.search(answer.text) or CLASSES.search(answer.text)
+        assert match is None, (method, place, content, match, answer.text[:400])

@@ -51,7 +51,7 @@ def test_stranger_is_refused_before_the_body_is_decoded(finished: FinishedFold) 
 
 
 @pytest.mark.parametrize(
-    ("part", "body", "where"),
+    ("part", "body", "error_place"),
     [
         ("tour", b"", "format"),
         ("tour", b"[]", "body"),
@@ -63,11 +63,11 @@ def test_stranger_is_refused_before_the_body_is_decoded(finished: FinishedFold) 
     ],
 )
 def test_body_that_is_no_object_is_refused_in_words(
-    finished: FinishedFold, part: str, body: bytes, where: str
+    finished: FinishedFold, part: str, body: bytes, error_place: str
 ) -> None:
     answer = put(finished.service, f"{finished.api}/{part}", body, finished.token)
     assert answer.status_code == 422 and len(answer.content) < 1000
-    assert answer.json()["where"] == where
+    assert answer.json()["where"] == error_place
 
 
 def test_first_fault_is_the_answer(finished: FinishedFold) -> None:
@@ -94,18 +94,18 @@ def test_first_fault_is_the_answer(finished: FinishedFold) -> None:
 
 def test_wrong_field_of_a_body_is_named(idle: Service) -> None:
     fold = idle.fold(SNAKE, seed="92", token="o" * 24)["id"]
-    own = bearer("o" * 24)
-    for body, where in (
+    own_bearer = bearer("o" * 24)
+    for body, error_place in (
         ({"name": 7}, "body.name"),
         ({"name": "x" * 201}, "body.name"),
         ({"owner_token": "short"}, "body.owner_token"),
         ({"owner_token": "t" * 24 + "\n"}, "body.owner_token"),
         ({"nmae": "x"}, "body.nmae"),
     ):
-        answer = idle.http.patch(f"/api/folds/{fold}", json=body, headers=own)
+        answer = idle.http.patch(f"/api/folds/{fold}", json=body, headers=own_bearer)
         check_problem(answer, 422, "bad-request")
-        assert answer.json()["where"] == where
-    plain = {**own, "Content-Type": "text/plain"}
+        assert answer.json()["where"] == error_place
+    plain = {**own_bearer, "Content-Type": "text/plain"}
     answer = idle.http.patch(f"/api/folds/{fold}", content=b"{}", headers=plain)
     assert "expected application/json" in check_problem(answer, 422, "bad-request")
 

@@ -99,15 +99,15 @@ def test_requests_are_limited_by_a_rate(service_with: ServiceWith) -> None:
     service = service_with(
         requests_per_second_of_visitor=0.01, requests_at_once_of_visitor=3
     ).start()
-    own = from_address("2001:db8:1:2::1")
-    answers = [service.http.get("/api/shapes", headers=own) for _ in range(4)]
+    own_address = from_address("2001:db8:1:2::1")
+    answers = [service.http.get("/api/shapes", headers=own_address) for _ in range(4)]
     assert [answer.status_code for answer in answers] == [200, 200, 200, 429]
     refused = answers[-1]
     check_problem(refused, 429, "too-many-requests", retry=True)
     assert int(refused.headers["retry-after"]) <= 100
     assert refused.headers["x-content-type-options"] == "nosniff"
     address = f"ws://{service.netloc}/api/folds/x/play"
-    with pytest.raises(InvalidStatus), connect(address, additional_headers=own):
+    with pytest.raises(InvalidStatus), connect(address, additional_headers=own_address):
         pass
     for path, visitor, status in (
         ("/", "2001:db8:1:2::ffff", 429),  # same network as an earlier visitor
@@ -159,8 +159,8 @@ def test_event_streams_are_bounded(service_with: ServiceWith) -> None:
                 refused.read()
                 assert whose in check_problem(refused, 429, "too-many-event-streams", retry=True)
     for _ in range(600):  # until the service notices that the first ones are closed
-        with follow("203.0.113.1") as again:
-            if again.status_code == 200:
+        with follow("203.0.113.1") as second_follow:
+            if second_follow.status_code == 200:
                 return
     raise AssertionError("the place of a stream that ended is not given back")
 

@@ -56,8 +56,8 @@ def test_clean_name_keeps_visible_text() -> None:
             assert clean_name(clean) == clean
 
 
-def _title(service: Service, filename: str, **more: object) -> str:
-    answer = service.upload(filename, path_file(SNAKE, **more))
+def _title(service: Service, filename: str, **extra: object) -> str:
+    answer = service.upload(filename, path_file(SNAKE, **extra))
     assert answer.status_code == 202, answer.text
     return str(service.state(answer.json()["id"])["title"])
 
@@ -87,6 +87,6 @@ def renamed(service: Service, name: str) -> str:
 @pytest.mark.parametrize("way", [named_in_path, named_by_file, named_in_preview, renamed])
 def test_titles_are_visible_wherever_names_come_from(idle: Service, way: Any) -> None:
     blank = "\u3164\u2800\ufe0f\u200b\u0301\U000e0041\u00ad"
-    shown = way(idle, blank)
-    assert shown and shown == clean_name(shown)
+    blank_answer = way(idle, blank)
+    assert blank_answer and blank_answer == clean_name(blank_answer)
     assert way(idle, f"wr{blank}ench").replace("\u0301", "") in ("wrench", "wrench.json")

@@ -112,8 +112,8 @@ def test_private_links_are_not_indexed(idle: Service) -> None:
     hidden += [f"/api{page}{part}" for part in ("", "/plan.json", "/movies/abc")]
     hidden += [f"/embed/{secret['id']}", f"/compare?a={secret['id']}&b={public}", preview]
     hidden += ["/shapes/new", "/view", "/embed/view", "/docs"]
-    shown = [f"/folds/{public}", "/", "/gallery", "/benchmarks", "/privacy", "/paper"]
-    listed = dict.fromkeys(hidden, "noindex, nofollow") | dict.fromkeys(shown, "all")
+    public_pages = [f"/folds/{public}", "/", "/gallery", "/benchmarks", "/privacy", "/paper"]
+    listed = dict.fromkeys(hidden, "noindex, nofollow") | dict.fromkeys(public_pages, "all")
     for path, robots in listed.items():
         headers = idle.http.get(path).headers
         assert headers["x-robots-tag"] == robots, path
@@ -194,15 +194,17 @@ def test_other_methods_are_refused(idle: Service) -> None:
             assert "access-control-allow-origin" not in answer.headers
 
 
-@pytest.mark.parametrize(("proxies", "same"), [("192.0.2.0/24", True), ("127.0.0.0/8,::1", False)])
+@pytest.mark.parametrize(
+    ("proxies", "is_same_address"), [("192.0.2.0/24", True), ("127.0.0.0/8,::1", False)]
+)
 def test_only_trusted_proxies_report_addresses(
-    service_with: ServiceWith, proxies: str, same: bool
+    service_with: ServiceWith, proxies: str, is_same_address: bool
 ) -> None:
     service = service_with(trusted_proxies=proxies, largest_queue_of_visitor=1).start()
     service.fold(shape="mallet-64")
     # The addresses that a visitor sends precede the one that the proxy adds.
     for forged, shape, statuses in (
-        ("198.51.100.7", "wrench-160", (429,) if same else (202,)),
+        ("198.51.100.7", "wrench-160", (429,) if is_same_address else (202,)),
         ("203.0.113.9, 198.51.100.7", "box-4x4x4", (422, 429)),
     ):
         headers = {"X-Forwarded-For": forged}

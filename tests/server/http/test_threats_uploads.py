@@ -52,8 +52,8 @@ def answer_of(client: socket.socket) -> tuple[int, str | None]:
     return response.status, json.load(response)["code"] if problem else None
 
 
-def head(visitor: str, more: bytes, path: bytes = b"/api/folds") -> bytes:
-    return HEAD % (path, visitor.encode(), more)
+def head(visitor: str, extra: bytes, path: bytes = b"/api/folds") -> bytes:
+    return HEAD % (path, visitor.encode(), extra)
 
 
 def length(size: int) -> bytes:
@@ -64,7 +64,7 @@ def length(size: int) -> bytes:
 def test_twenty_large_uploads_at_once_fit_into_little_memory(service: Service) -> None:
     web = psutil.Process(service.process.pid)
     service.http.post("/api/folds", files={"file": ("a.bin", b"\x89PNG" * MIB)})
-    before = most = _settled_memory(web)
+    before = maximum = _settled_memory(web)
     piece, size = b"\x89PNG" * (MIB // 4), 5
     with ExitStack() as stack:
         clients = [stack.enter_context(connect_to(service)) for _ in range(20)]
@@ -73,13 +73,13 @@ def test_twenty_large_uploads_at_once_fit_into_little_memory(service: Service) -
         for _ in range(size):
             for client in clients:
                 client.sendall(piece)
-            most = max(most, web.memory_info().rss)
+            maximum = max(maximum, web.memory_info().rss)
         assert sum(1 for _ in service.data_dir.glob("uploads/*/")) == 1
         for client in clients[:3]:  # read, counted, copied, and refused by the reader
             client.sendall(END)
             assert answer_of(client) == (422, "wrong-kind")
-            most = max(most, web.memory_info().rss)
-    assert most - before < 64 * MIB, f"grew by {(most - before) / MIB:.0f} MiB"
+            maximum = max(maximum, web.memory_info().rss)
+    assert maximum - before < 64 * MIB, f"grew by {(maximum - before) / MIB:.0f} MiB"
 
 
 def test_uploads_at_once_are_limited_for_a_visitor_and_for_all(service_with: ServiceWith) -> None:
@@ -103,12 +103,12 @@ def test_uploads_at_once_are_limited_for_a_visitor_and_for_all(service_with: Ser
 
 def _settled_memory(process: psutil.Process) -> int:
     """Return the memory of a service after the imports that follow its start."""
-    found, quiet = process.memory_info().rss, 0
+    rss, quiet = process.memory_info().rss, 0
     while quiet < 30:
         time.sleep(0.1)
         now = process.memory_info().rss
-        found, quiet = (now, 0) if now > found + MIB else (found, quiet + 1)
-    return found
+        rss, quiet = (now, 0) if now > rss + MIB else (rss, quiet + 1)
+    return rss
 
 
 @pytest.fixture(scope="module")
@@ -199,8 +199,8 @@ def test_tiny_chunks_are_read_at_a_rate(service_with: ServiceWith) -> None:
             + b"0\r\n\r\n"
         )
         for k in range(8):
-            others = {"X-Forwarded-For": f"10.{k}.0.1"}
-            assert service.http.get("/api/shapes", headers=others).status_code == 200
+            forwarded_header = {"X-Forwarded-For": f"10.{k}.0.1"}
+            assert service.http.get("/api/shapes", headers=forwarded_header).status_code == 200
         client.setblocking(False)
         with pytest.raises(BlockingIOError):  # no answer until the whole upload is read
             client.recv(1)

@@ -66,8 +66,8 @@ def test_waits_beyond_the_quota_are_refused(service_with: ServiceWith) -> None:
     assert "from your network" in refused[1].json()["detail"]
     # Permits are released; requests that do not wait need none.
     for wait in ("0.01", "0"):
-        own = from_address(visitors[0])
-        assert service.http.get(address + wait, headers=own).status_code == 200
+        own_address = from_address(visitors[0])
+        assert service.http.get(address + wait, headers=own_address).status_code == 200
 
 
 def test_waits_share_one_thread_and_are_answered_together(

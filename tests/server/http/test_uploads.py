@@ -25,13 +25,13 @@ BAD: dict[str, tuple[bytes, str, str | None]] = {
 
 def test_bad_input_is_refused_with_code_and_where(idle: Service) -> None:
     before = len(list(idle.directory(".").iterdir()))
-    for name, (data, code, where) in BAD.items():
+    for name, (data, code, error_place) in BAD.items():
         with case(name):
             answer = idle.http.post("/api/folds", files={"file": ("shape.json", data)})
             problem = answer.json()
             detail = check_problem(answer, 422, code or problem["code"])
             assert problem["code"] and ("xpected" in detail or ";" in detail), detail
-            assert where in (None, problem["where"])
+            assert error_place in (None, problem["where"])
     assert len(list(idle.directory(".").iterdir())) == before
 
 

@@ -61,14 +61,14 @@ def compute(service: ServiceThread, fold_id: str, *, losses: int = 0) -> dict[st
 
 def crash_after(monkeypatch: pytest.MonkeyPatch, *codes: str) -> None:
     """Let children end with these codes, one after the other, after they have recorded motion."""
-    call, rest = Child.call, list(codes)
+    call, remaining_codes = Child.call, list(codes)
 
-    def crash(self: Child, stage: str, directory: Path, **more: Any) -> dict[str, Any]:
-        found = call(self, stage, directory, **more)
-        if stage != "explode" or not rest:
-            return found
+    def crash(self: Child, stage: str, directory: Path, **extra: Any) -> dict[str, Any]:
+        stage_result = call(self, stage, directory, **extra)
+        if stage != "explode" or not remaining_codes:
+            return stage_result
         TimelineWriter.reopen(result_path(directory, TIMELINE))  # simulates a timeline left open
-        raise ChildError(rest.pop(0), "the process died (SIGKILL).")
+        raise ChildError(remaining_codes.pop(0), "the process died (SIGKILL).")
 
     monkeypatch.setattr(Child, "call", crash)
     monkeypatch.setattr(execution, "MAX_CRASHES", 2)
@@ -90,8 +90,8 @@ def test_fold_whose_process_dies_repeatedly_fails_alone(
     timeline = Timeline.open(result_path(service.directory(accepted["id"]), TIMELINE))
     assert timeline.status == "failed"
     # The machine caused the failure, not the shape: a repeated request computes the fold again.
-    again = service.fold(STAIRS, token=accepted["owner_token"])
-    assert not again["existing"] and again["id"] != accepted["id"]
+    second_fold = service.fold(STAIRS, token=accepted["owner_token"])
+    assert not second_fold["existing"] and second_fold["id"] != accepted["id"]
 
 
 def test_fold_continues_if_its_process_or_fork_server_is_killed(
@@ -131,11 +131,11 @@ def test_verified_plan_is_kept_if_the_search_for_a_better_one_fails(
 ) -> None:
     call, calls = Child.call, list[str]()
 
-    def interrupt(self: Child, stage: str, directory: Path, **more: Any) -> dict[str, Any]:
+    def interrupt(self: Child, stage: str, directory: Path, **extra: Any) -> dict[str, Any]:
         calls.append(stage)
         if stage == "explode" and calls.count(stage) == 2:
             raise ChildError("time-limit", "the stage 'explode' took longer than it may")
-        return call(self, stage, directory, **more)
+        return call(self, stage, directory, **extra)
 
     monkeypatch.setattr(Child, "call", interrupt)
     service = service_with().start()
@@ -155,10 +155,10 @@ def test_result_of_a_paused_stage_is_not_stored(
 ) -> None:
     call = Child.call
 
-    def interrupt(self: Child, name: str, directory: Path, **more: Any) -> dict[str, Any]:
-        if name == stage and more["cancelled"]():
+    def interrupt(self: Child, name: str, directory: Path, **extra: Any) -> dict[str, Any]:
+        if name == stage and extra["cancelled"]():
             return {"status": "failed", "reason": "it was cancelled", "again": None}
-        return call(self, name, directory, **more)
+        return call(self, name, directory, **extra)
 
     monkeypatch.setattr(Child, "call", interrupt)
     monkeypatch.setattr(Slice, "over", lambda part: setattr(part, "ended", True) or True)

@@ -51,22 +51,26 @@ class Folds:
     def progress(self, fold_id: str) -> dict[str, Any]:
         return progress_of(self.store.fold(fold_id), self.remaining)
 
-    def add(self, name: str, *, modules: int = 160, **how: Any) -> None:
+    def add(self, name: str, *, modules: int = 160, **row_values: Any) -> None:
         """Add enough finished folds for an estimate."""
         took = {"started_at": NOW - 100.0, "ended_at": NOW - 100.0 + sum(USUAL.values())}
-        values = {"modules": modules, "progress": {"stage_s": USUAL}, **took, **how}
+        summary_values = {"modules": modules, "progress": {"stage_s": USUAL}, **took, **row_values}
         for k in range(MIN_SIMILAR_FOLDS):
-            self.store.add(a_fold(f"{name} {k}", **values), SOMEBODY)
+            self.store.add(a_fold(f"{name} {k}", **summary_values), SOMEBODY)
 
-    def add_queued(self, name: str, **how: Any) -> str:
-        self.store.add(a_fold(name, status="queued", modules=160, **how), SOMEBODY)
+    def add_queued(self, name: str, **row_values: Any) -> str:
+        self.store.add(a_fold(name, status="queued", modules=160, **row_values), SOMEBODY)
         return name
 
-    def add_running(self, stage: str, fraction: float, *, began_at: float, **how: Any) -> str:
+    def add_running(
+        self, stage: str, fraction: float, *, began_at: float, **row_values: Any
+    ) -> str:
         before = list(USUAL)[: list(USUAL).index(stage)]
         values = {"stage": stage, "fraction": fraction, "began_at": began_at}
         values |= {"stage_s": {name: USUAL[name] for name in before}}
-        row = a_fold("now", status="running", stage=stage, modules=160, progress=values, **how)
+        row = a_fold(
+            "now", status="running", stage=stage, modules=160, progress=values, **row_values
+        )
         self.store.add(row, SOMEBODY)
         return row.id
 
@@ -102,8 +106,8 @@ def test_typical_duration_is_the_median_of_folds_of_its_size() -> None:
     # Twice as many modules take longer, and a fold of the same size has the largest weight.
     larger = typical_s(several, a_fold("now", modules=320))
     assert larger is not None and larger["explode"] > 4.0
-    both = [*several, *known(9.0, 9.0, 9.0, 9.0, modules=500)]
-    assert typical_s(both, row) == {"explode": 2.0}
+    known_stages = [*several, *known(9.0, 9.0, 9.0, 9.0, modules=500)]
+    assert typical_s(known_stages, row) == {"explode": 2.0}
     assert typical_s(several, a_fold("now", modules=0)) is None
 
 
@@ -149,8 +153,11 @@ def test_remaining_of_an_overdue_fold_ends_at_zero(folds: Folds) -> None:
 def test_remaining_in_the_queue_includes_the_wait(folds: Folds) -> None:
     folds.add("another")
     places = [folds.remaining.of(folds.store.fold(folds.add_queued(k))) for k in ("a", "b")]
-    assert [each.place for each in places] == [1, 2]
-    assert [each.remaining_s for each in places] == [sum(USUAL.values()), 2 * sum(USUAL.values())]
+    assert [queue_place.place for queue_place in places] == [1, 2]
+    assert [queue_place.remaining_s for queue_place in places] == [
+        sum(USUAL.values()),
+        2 * sum(USUAL.values()),
+    ]
 
 
 def test_fraction_of_an_earlier_stage_is_not_used(folds: Folds) -> None:
@@ -176,21 +183,23 @@ def test_slow_stages_raise_the_estimate_of_later_ones() -> None:
 def test_estimate_with_a_preference_repeats_stages() -> None:
     spent = {"explode": 3.0, "play_back": 4.0}
     once = left_s(USUAL, stage="certify", fraction=0.0, spent_s=spent, elapsed_s=0.0)
-    again = left_s(USUAL, stage="certify", fraction=0.0, spent_s=spent, elapsed_s=0.0, chooses=True)
+    second_left_s = left_s(
+        USUAL, stage="certify", fraction=0.0, spent_s=spent, elapsed_s=0.0, chooses=True
+    )
     assert once == pytest.approx(2.5 * (3.0 + 7.0) / (3.0 + 12.0)), "it was quicker so far"
-    assert again == pytest.approx(2.5 + 5.0)
+    assert second_left_s == pytest.approx(2.5 + 5.0)
 
 
 def test_wait_of_queued_fold_includes_the_rest_of_preparing(
     folds: Folds, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folds.add("another")
-    both = (folds.add_queued("waiting"), folds.add_running("read", 0.0, began_at=NOW))
-    ready = [folds.remaining.of(folds.store.fold(fold)) for fold in both]
+    add_queueds = (folds.add_queued("waiting"), folds.add_running("read", 0.0, began_at=NOW))
+    ready = [folds.remaining.of(folds.store.fold(fold)) for fold in add_queueds]
     compilation = Compilation(fraction=0.5, remaining_s=30.0)
     monkeypatch.setattr(Leases, "compilation", lambda self: compilation)
     folds.remaining = folds.new_estimator()
-    later = [folds.remaining.of(folds.store.fold(fold)) for fold in both]
+    later = [folds.remaining.of(folds.store.fold(fold)) for fold in add_queueds]
     assert {outlook.compilation for outlook in later} == {compilation}
     assert (later[0].wait_s or 0) - (ready[0].wait_s or 0) == 30.0
     for before, after in zip(ready, later, strict=True):
@@ -222,8 +231,8 @@ def test_estimates_of_preview_and_fold_agree(folds: Folds, measured: bool) -> No
         folds.store.add(a_fold(f"ended {k}", modules=160, progress={"stage_s": USUAL}), SOMEBODY)
     shape, estimates = {"modules": 160, "module": "cube"}, Estimates(folds.store)
     preview = expected_times(shape, "floating", estimates.total_s)
-    asked = folds.store.fold(folds.add_queued("asked", created_at=time.time()))
-    assert folds.new_estimator(estimates).of(asked).remaining_s == round(preview["expected_s"])
+    fold = folds.store.fold(folds.add_queued("asked", created_at=time.time()))
+    assert folds.new_estimator(estimates).of(fold).remaining_s == round(preview["expected_s"])
 
     def expected(**options: str) -> object:
         return pytest.approx(expected_of_cost(plain_fold(160, FoldRequest(**options))))

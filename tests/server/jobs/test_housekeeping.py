@@ -25,11 +25,11 @@ def housekeeping(store: Store, **settings: object) -> module.Housekeeping:
     return module.Housekeeping(Settings(data_dir=data_dir, **settings), store)  # pyright: ignore
 
 
-def fold(store: Store, *, days: float, size: int = MIB, **more: object) -> str:
+def fold(store: Store, *, days: float, size: int = MIB, **extra: object) -> str:
     """Add a finished fold that was last viewed ``days`` days ago; return its id."""
     then = time.time() - days * module.DAY_S
     usual: dict[str, object] = {"ended_at": then, "visitor": "somebody", "bytes": size}
-    row = add_fold(store, **usual | {"created_at": then, "seen_at": then} | more)
+    row = add_fold(store, **usual | {"created_at": then, "seen_at": then} | extra)
     (store.folders.place(row.id) / "plan.json").write_text("{}")
     return row.id
 
@@ -59,15 +59,15 @@ def movie(store: Store, fold_id: str, *, of_owner: bool, age_s: float = OLD_S) -
 
 def remaining(store: Store, *folds: str) -> list[bool]:
     """Return True for each fold that still exists; its files must exist only then."""
-    found: list[bool] = []
+    answers: list[bool] = []
     for fold_id in folds:
         try:
             store.fold(fold_id)
-            found.append(True)
+            answers.append(True)
         except NoSuchFoldError:
-            found.append(False)
-        assert store.folders.place(fold_id).exists() == found[-1]
-    return found
+            answers.append(False)
+        assert store.folders.place(fold_id).exists() == answers[-1]
+    return answers
 
 
 def test_half_written_files_of_killed_processes_are_removed(store: Store) -> None:
@@ -97,15 +97,15 @@ def test_unseen_folds_expire_when_the_settings_say_so(store: Store) -> None:
         fold(store, days=31, status="queued", ended_at=None),
         fold(store, days=31, status="running", ended_at=None),
     ]
-    late, seen = (fold(store, days=31) for _ in range(2))
+    late, kept_id = (fold(store, days=31) for _ in range(2))
     before = store.fold(late).seen_at
     assert before is not None
-    for looked in (late, seen):
+    for looked in (late, kept_id):
         store.looked(store.fold(looked))
     assert not store.expire(late, before)
     assert housekeeping(store).sweep() == 0
     assert housekeeping(store, keep_days=30).sweep() == 1
-    assert remaining(store, *folds, late, seen) == [False, *7 * [True]]
+    assert remaining(store, *folds, late, kept_id) == [False, *7 * [True]]
 
 
 def test_longest_unseen_folds_make_room_and_fresh_ones_stay(store: Store) -> None:
@@ -125,13 +125,13 @@ def test_storage_of_a_visitor_has_a_bound_of_its_own(store: Store) -> None:
 
 def test_cancelled_fold_is_removed_an_hour_after_the_last_look(store: Store) -> None:
     hour = module.CANCELLED_FOLD_S / module.DAY_S
-    old, late, pinned, seen = (
+    old, late, pinned, kept_id = (
         fold(store, days=days, status="cancelled", pinned=days > 2 * hour, visitor=f"{days}")
         for days in (1.1 * hour, 0.9 * hour, 3 * hour, 1.2 * hour)
     )
-    store.looked(store.fold(seen))
+    store.looked(store.fold(kept_id))
     housekeeping(store).sweep()
-    assert remaining(store, old, late, pinned, seen) == [False, True, True, True]
+    assert remaining(store, old, late, pinned, kept_id) == [False, True, True, True]
 
 
 def test_only_the_latest_cancelled_folds_of_a_visitor_stay(
@@ -139,9 +139,9 @@ def test_only_the_latest_cancelled_folds_of_a_visitor_stay(
 ) -> None:
     monkeypatch.setattr(module, "MAX_CANCELLED_FOLDS", 3)
     folds = [fold(store, days=n / 1e4, size=1, status="cancelled") for n in range(5)]
-    others = fold(store, days=0.01, status="cancelled", visitor="another")
+    other_fold = fold(store, days=0.01, status="cancelled", visitor="another")
     module.limit_cancelled(store, "somebody")
-    assert remaining(store, *folds, others) == [True, True, True, False, False, True]
+    assert remaining(store, *folds, other_fold) == [True, True, True, False, False, True]
     large = [
         fold(store, days=n / 1e4, size=8 * MIB, status="cancelled", visitor="third")
         for n in range(3)
@@ -161,18 +161,20 @@ def test_sweep_reads_no_rows_that_stay(store: Store) -> None:
     with statements() as queries:
         sweeping.sweep()
     assert remaining(store, *old) == [False, False]
-    reading = [one for one in queries if "folds" in one[0].lower().split()]
+    reading = [query for query in queries if "folds" in query[0].lower().split()]
     assert reading
     assert not [line for line in scans(store, reading) if line.startswith("SCAN folds")]
-    with statements() as again:
+    with statements() as second_statements:
         sweeping.sweep()
-    deleted = sum(one[0].startswith("DELETE") for one in queries)
-    assert deleted == len(old) and not any(one[0].startswith("DELETE") for one in again)
+    deleted = sum(query[0].startswith("DELETE") for query in queries)
+    assert deleted == len(old) and not any(
+        sql_statement[0].startswith("DELETE") for sql_statement in second_statements
+    )
 
 
 def test_cancelled_and_repeated_folds_of_the_gallery_are_removed(store: Store) -> None:
     failed: dict[str, Any] = {"status": "failed", "visitor": "another"}
-    gone = [
+    folds = [
         fold(store, days=1, status="cancelled", **GALLERY),
         fold(store, days=3, **failed, **GALLERY),
     ]
@@ -183,7 +185,7 @@ def test_cancelled_and_repeated_folds_of_the_gallery_are_removed(store: Store) -
         fold(store, days=3, **failed, **GALLERY, content_key="key"),  # kept: it would fail again
     ]
     housekeeping(store).sweep()
-    assert remaining(store, *gone, *stay) == [False, False, True, True, True, True]
+    assert remaining(store, *folds, *stay) == [False, False, True, True, True, True]
 
 
 def test_derived_files_make_room_before_folds_and_count_for_no_visitor(store: Store) -> None:
@@ -211,12 +213,12 @@ def test_derived_bytes_counted_twice_are_corrected_when_room_is_made(store: Stor
     twice, fresh = fold(store, days=2), fold(store, days=1)
     derive(store, twice, MIB)
     derive(store, fresh, MIB, age_s=0.0)
-    made = movie(store, fresh, of_owner=False, age_s=0.0)
+    made_movie = movie(store, fresh, of_owner=False, age_s=0.0)
     for name in (twice, fresh):  # as if two processes had made the same file
         store.add_derived(name, MIB)
     housekeeping(store, storage_bytes=2 * MIB).sweep()
     assert [store.fold(name).derived_bytes for name in (twice, fresh)] == [0, MIB]
-    assert made.exists() and remaining(store, twice, fresh) == [True, True]  # for this client
+    assert made_movie.exists() and remaining(store, twice, fresh) == [True, True]  # for this client
 
 
 def test_full_disk_removes_derived_files(store: Store) -> None:
@@ -228,11 +230,11 @@ def test_full_disk_removes_derived_files(store: Store) -> None:
 
 
 def test_orphaned_files_are_removed_at_the_second_sweep(store: Store) -> None:
-    kept, orphan, fresh = fold(store, days=1), new_id(), new_id()
+    kept_fold, orphan, fresh = fold(store, days=1), new_id(), new_id()
     for name in (orphan, fresh):
         store.folders.place(name).mkdir()
     before = time.time() - 2 * module.MIN_ORPHAN_AGE_S
-    for name in (kept, orphan):
+    for name in (kept_fold, orphan):
         os.utime(store.folders.place(name), (before, before))
     sweeping = housekeeping(store)
     sweeping.sweep_orphans()
@@ -240,17 +242,17 @@ def test_orphaned_files_are_removed_at_the_second_sweep(store: Store) -> None:
     sweeping.sweep_orphans()
     assert not store.folders.place(orphan).exists()
     assert store.folders.place(fresh).exists()
-    assert remaining(store, kept) == [True]
+    assert remaining(store, kept_fold) == [True]
 
 
 def test_local_copies_of_removed_folds_are_removed(tmp_path: Path, bucket_url: str) -> None:
     settings = Settings(data_dir=tmp_path / "data", storage_url=bucket_url)
     with closing(Store(settings)) as store:
-        kept, orphan = fold(store, days=1), new_id()
-        copies = {name: settings.cache_dir / f"{name}-1" for name in (kept, orphan)}
+        kept_fold, orphan = fold(store, days=1), new_id()
+        copies = {name: settings.cache_dir / f"{name}-1" for name in (kept_fold, orphan)}
         for copy in copies.values():
             copy.mkdir()
         sweeping = module.Housekeeping(settings, store)
         for exists in (True, False):
             sweeping.sweep_orphans()
-            assert (copies[kept].exists(), copies[orphan].exists()) == (True, exists)
+            assert (copies[kept_fold].exists(), copies[orphan].exists()) == (True, exists)

@@ -40,23 +40,23 @@ def test_machines_take_in_compute_show_and_cancel_folds(
     token = new_token()
     with ThreadPoolExecutor(8) as threads:
         # The fold takes long enough to be observed on a fast machine; the token sets its owner.
-        asked = [first, second] * 4
-        got = list(
-            threads.map(lambda web: web.fold(shape="elephant", seed="1", token=token), asked)
+        request = [first, second] * 4
+        sent_rows = list(
+            threads.map(lambda web: web.fold(shape="elephant", seed="1", token=token), request)
         )
-    (fold_id,) = {accepted["id"] for accepted in got}
+    (fold_id,) = {accepted["id"] for accepted in sent_rows}
     assert second.state(fold_id)["progress"]["wait_s"] is None  # no worker runs yet
     with machine().worker() as worker:
-        seen: set[int] = set()
+        seen_ids: set[int] = set()
 
         def growing(state: dict[str, Any]) -> bool:
             body = second.http.get(f"/api/folds/{fold_id}/frames?stride=100000").json()
             if body.get("status") == "growing":
-                seen.add(body["total"])
+                seen_ids.add(body["total"])
             return over(state)
 
         second.wait(fold_id, growing)
-        assert len(seen) > 2, "the explosion was not seen while it was computed"
+        assert len(seen_ids) > 2, "the explosion was not seen while it was computed"
         plans = [check_finished(web, fold_id) for web in (first, second)]
         assert plans[0] == plans[1]
         assert storage.below(f"folds/{fold_id}") == ["1"]  # only the files of the first epoch

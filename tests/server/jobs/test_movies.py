@@ -83,8 +83,12 @@ def test_movie_is_requested_made_downloaded_and_deleted(finished: FinishedFold) 
     part = finished.http.get(movie["links"]["file"], headers={"Range": "bytes=4-7"})
     assert (part.status_code, part.content) == (206, b"ftyp")
     # Equivalent options give the same movie, which exists already.
-    again = ask(finished, **SMALL, format="mp4", theme=None, tour=True)
-    assert (again["id"], again["status"], again["token"]) == (movie["id"], "ready", None)
+    repeated_ask = ask(finished, **SMALL, format="mp4", theme=None, tour=True)
+    assert (repeated_ask["id"], repeated_ask["status"], repeated_ask["token"]) == (
+        movie["id"],
+        "ready",
+        None,
+    )
     path = movie["links"]["self"]
     for headers in ({}, bearer("x" * 32)):
         check_problem(finished.http.delete(path, headers=headers), 403, "not-owner")
@@ -96,7 +100,7 @@ def test_movie_is_requested_made_downloaded_and_deleted(finished: FinishedFold) 
 
 def test_bad_movies_are_refused(finished: FinishedFold) -> None:
     path = f"{finished.api}/movies"
-    for options, code, where in (
+    for options, code, error_place in (
         ({"width": 127}, "bad-movie", "width"),
         ({"width": 10**400}, "bad-movie", "width"),
         ({"seconds": 3600}, "bad-movie", "seconds"),
@@ -105,7 +109,7 @@ def test_bad_movies_are_refused(finished: FinishedFold) -> None:
     ):
         answer = finished.http.post(path, json=options)
         assert answer.status_code == 422
-        assert (answer.json()["code"], answer.json()["where"]) == (code, where)
+        assert (answer.json()["code"], answer.json()["where"]) == (code, error_place)
     assert finished.http.get(f"{path}/0123456789ab").json()["code"] == "no-such-movie"
     assert finished.http.post("/api/folds/nosuchfold/movies", json={}).status_code == 404
 
@@ -147,13 +151,13 @@ def test_movie_that_cannot_be_made_here_is_refused_before_any_process_starts(
     for name, value in without_ffmpeg.items():
         monkeypatch.setenv(name, value)
     fold = ShownFold(id="one", name="One", status="verified", modules=16, preset="default", seed=0)
-    found = Found(fold, finished.directory)
-    assert fold_facts(found)["movies"] == ["gif"]
+    found_fold = Found(fold, finished.directory)
+    assert fold_facts(found_fold)["movies"] == ["gif"]
     refused = idle.http.post(movies, json={})
     check_problem(refused, 422, "no-encoder")
     assert refused.json()["where"] == "format"
     monkeypatch.setenv("MUJOCO_GL", "off")
-    assert fold_facts(found)["movies"] == []
+    assert fold_facts(found_fold)["movies"] == []
     gif = idle.http.post(movies, json={"format": "gif"})
     check_problem(gif, 422, "no-gl")
 

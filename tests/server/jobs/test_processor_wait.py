@@ -9,11 +9,11 @@ def test_computer_is_busy_while_the_process_waits_much_of_the_time() -> None:
     now, waited = 0.0, 0.0
     measured = ProcessorWait(lambda pid: waited, clock=lambda: now)
     assert not measured.busy(1)
-    told: list[bool] = []
+    wait_flags: list[bool] = []
     for wait_s in (0.0, 0.5, 1.5, 1.9, 0.1):
         now, waited = now + 2.0, waited + wait_s
-        told.append(measured.busy(1))
-    assert told == [False, False, True, True, False]
+        wait_flags.append(measured.busy(1))
+    assert wait_flags == [False, False, True, True, False]
     now, waited = now + 0.1, waited + 0.1  # too short to be judged
     assert not measured.busy(1)
     now, waited = now + 3.0, waited + 3.0
@@ -22,6 +22,6 @@ def test_computer_is_busy_while_the_process_waits_much_of_the_time() -> None:
 
 
 def test_wait_of_a_process_is_known() -> None:
-    own = waited_s(os.getpid())
-    assert own is not None and own >= 0.0
+    own_wait_s = waited_s(os.getpid())
+    assert own_wait_s is not None and own_wait_s >= 0.0
     assert waited_s(2**22 + 1) is None

@@ -62,8 +62,8 @@ def test_each_job_is_claimed_once(store: Store) -> None:
         return jobs
 
     with ThreadPoolExecutor(4) as threads:
-        taken = sorted(job for jobs in threads.map(claim_all, range(4)) for job in jobs)
-    assert taken == sorted([*names, *(f"{name}-m" for name in names)])
+        taken_jobs = sorted(job for jobs in threads.map(claim_all, range(4)) for job in jobs)
+    assert taken_jobs == sorted([*names, *(f"{name}-m" for name in names)])
 
 
 def test_fold_continues_after_its_last_finished_stage(store: Store) -> None:
@@ -102,15 +102,15 @@ def test_jobs_of_a_lost_worker_are_queued_again_and_losses_are_counted(store: St
     assert queue.holders() == {"one", "other"}
     assert queue.hand_back_all("one", lost=True) == [("ended", 1)]
     assert queue.holders() == {"other"}
-    found = {name: store.fold(name) for name in ("running", "cancelled", "ended", "another")}
-    assert {name: row.status for name, row in found.items()} == {
+    folds = {name: store.fold(name) for name in ("running", "cancelled", "ended", "another")}
+    assert {name: row.status for name, row in folds.items()} == {
         **{"running": "running", "cancelled": "cancelled"},
         **{"ended": "verified", "another": "running"},
     }
-    assert (found["running"].losses, found["another"].losses) == (1, 0)
-    again = claim_fold(queue, worker="one")
-    assert (again.fold_id, again.losses) == ("running", 1)
-    assert queue.keep(again, stage="explode", files=2)
+    assert (folds["running"].losses, folds["another"].losses) == (1, 0)
+    second_fold_claim = claim_fold(queue, worker="one")
+    assert (second_fold_claim.fold_id, second_fold_claim.losses) == ("running", 1)
+    assert queue.keep(second_fold_claim, stage="explode", files=2)
     queue.hand_back_all("one", lost=False)
     assert claim_fold(queue).losses == 0, "a finished stage is progress"
     repeated = queue.claim(Lane.MOVIES, "two")
@@ -131,8 +131,8 @@ def test_name_of_a_worker_is_not_a_pattern(store: Store) -> None:
     queue = Queue(store)
     add(store, "a")
     claim_fold(queue, worker="host/1")
-    for other in ("host/%", "host/_", "host/"):
-        queue.hand_back_all(other, lost=True)
+    for host_name in ("host/%", "host/_", "host/"):
+        queue.hand_back_all(host_name, lost=True)
     assert store.fold("a").status == "running"
 
 

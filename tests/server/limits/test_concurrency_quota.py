@@ -26,9 +26,9 @@ def test_visitor_cannot_take_all_places() -> None:
 
     with ThreadPoolExecutor(4) as threads:
 
-        def begin(visitor: str, held: int) -> Future[None]:
+        def begin(visitor: str, permit_count: int) -> Future[None]:
             future = threads.submit(work, visitor)
-            while len(quota) < held:
+            while len(quota) < permit_count:
                 pass
             return future
 
@@ -36,14 +36,14 @@ def test_visitor_cannot_take_all_places() -> None:
         with pytest.raises(TooMany) as refused, quota.turn("a"):
             pass
         assert refused.value.retry_after_s == 5
-        others = [begin("b", 3), begin("c", 3)]  # c gets one of a's excess slots
+        waiting_futures = [begin("b", 3), begin("c", 3)]  # c gets one of a's excess slots
         with pytest.raises(Unavailable, match="for other people") as full:
             displaced.result(30.0)
         assert full.value.code == "busy"
         with pytest.raises(Unavailable, match="for other people"), quota.turn("d"):
             pass
         go_on.set()
-        for done in (first, *others):
+        for done in (first, *waiting_futures):
             done.result(30.0)
     assert len(quota) == 0
 
@@ -104,7 +104,7 @@ def test_places_are_given_back() -> None:
 def test_visitors_take_turns_at_the_places() -> None:
     permits: list[Permit] = []
     quota = Quota("files", total=9, per_visitor=9, at_once=2, at_once_per_visitor=1)
-    a1, a2, a3, b1, b2 = (quota.enter(who, permits.append) for who in "aaabb")
+    a1, a2, a3, b1, b2 = (quota.enter(visitor, permits.append) for visitor in "aaabb")
     assert permits == [a1, b1]
     b2.leave()
     b1.leave()  # one of a's waiting requests proceeds
@@ -160,7 +160,7 @@ def queue(network: int, visitor: int, cost_s: float, count: int = 1) -> list[Wai
 def test_queue_room_is_shared_by_networks_and_visitors() -> None:
     two, crowd = queue(0, 0, 300.0) + queue(0, 1, 200.0), queue(0, 0, 1.0, 3) + queue(0, 1, 1.0, 3)
     uneven = queue(0, 0, 400.0) + queue(1, 0, 100.0)
-    for waiting, wanted, refused in (
+    for waiting, expected, refused in (
         ([], (0, 0, 1200.0), None),
         ([], (0, 0, 1300.0), "0 folds are waiting"),
         (queue(0, 0, 300.0), (0, 0, 90.0), None),
@@ -177,7 +177,7 @@ def test_queue_room_is_shared_by_networks_and_visitors() -> None:
         (crowd, (0, 2, 1.0), "6 of them from your network"),
         (crowd, (1, 0, 1.0), None),
     ):
-        (fold,) = queue(*wanted)
+        (fold,) = queue(*expected)
         if refused is None:
             check_room(waiting, fold, SETTINGS)
             continue

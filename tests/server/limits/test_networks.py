@@ -22,15 +22,15 @@ OTHER = visitor_at("198.51.100.1")
 
 def fill(quota: Quota, visitors: list[str], ended: list[str] | None = None) -> list[Permit]:
     """Take as many permits as each visitor gets; ``ended`` receives the names of displaced ones."""
-    taken: list[Permit] = []
+    permits: list[Permit] = []
     for visitor in visitors:
         end = None if ended is None else (lambda name=visitor: ended.append(name))
         try:
             while True:
-                taken.append(quota.enter(visitor, end=end))
+                permits.append(quota.enter(visitor, end=end))
         except ServiceError:
             continue
-    return taken
+    return permits
 
 
 def test_quota_of_one_network_stops_at_half_the_total() -> None:
@@ -99,11 +99,11 @@ def test_single_flight_refuses_those_displaced_by_another_network() -> None:
             for k in range(4)
         ]
         await asyncio.sleep(0)
-        other = asyncio.create_task(flight.get_or_make("new", lambda: 1, visitor=OTHER))
+        second = asyncio.create_task(flight.get_or_make("new", lambda: 1, visitor=OTHER))
         with pytest.raises(Unavailable):
             await tasks[3]
         go_on.set()
-        assert await other == 1
+        assert await second == 1
         assert await asyncio.gather(*tasks[:3]) == [True] * 3
         flight.close()
 
@@ -127,12 +127,12 @@ def test_charge_of_more_than_there_is_makes_a_debt() -> None:
 
 
 def test_hidden_visitor_has_hidden_networks_and_fits_its_column() -> None:
-    one, same_home, same_site = (hidden(name, b"secret") for name in (HOME[0], HOME[1], SITE[0]))
-    assert networks_of(one) == networks_of(same_home)
-    assert one != same_home
-    assert networks_of(one)[0] != networks_of(same_site)[0]
-    assert len(one) <= 64
-    assert "2001" not in hidden(HOME[0], b"other") and hidden(HOME[0], b"other") != one
+    first, same_home, same_site = (hidden(name, b"secret") for name in (HOME[0], HOME[1], SITE[0]))
+    assert networks_of(first) == networks_of(same_home)
+    assert first != same_home
+    assert networks_of(first)[0] != networks_of(same_site)[0]
+    assert len(first) <= 64
+    assert "2001" not in hidden(HOME[0], b"other") and hidden(HOME[0], b"other") != first
     assert networks_of(PSEUDONYM_SEPARATOR.join("abc")) == ("a", "a|b")
 
 

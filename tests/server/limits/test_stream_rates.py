@@ -44,9 +44,9 @@ def test_target_streams_of_a_visitor_get_a_limited_number_of_angles(speeds: bool
 
     async def speak() -> int:
         socket = Messages()
-        found = cast("Any", SimpleNamespace(trajectory=trajectory()))
+        namespace = cast("Any", SimpleNamespace(trajectory=trajectory()))
         ask = Ask(rate_hz=100, speeds=speeds)
-        session = _TargetStream(cast("Any", socket), found, ask, "fold", charge)
+        session = _TargetStream(cast("Any", socket), namespace, ask, "fold", charge)
         session._at_start = True
         session._pace.report(0.0, asyncio.get_running_loop().time())
         with pytest.raises(TimeoutError):

@@ -30,12 +30,12 @@ class LogTail:
     def __init__(self, service: Service) -> None:
         self.service = service
         self.http = service.http
-        self.begun = service.log.stat().st_size
+        self.start_offset = service.log.stat().st_size
 
     @property
     def text(self) -> str:
         """Lines that were logged since then, without an incomplete last one."""
-        return self.service.log.read_bytes()[self.begun :].rpartition(b"\n")[0].decode()
+        return self.service.log.read_bytes()[self.start_offset :].rpartition(b"\n")[0].decode()
 
 
 @pytest.fixture
@@ -78,14 +78,14 @@ def test_lines_hold_the_fields_of_their_context() -> None:
         thread.start()
         thread.join()
     logger.info("after")
-    first, *others = (json.loads(line) for line in as_json.getvalue().splitlines())
+    first, *other_records = (json.loads(line) for line in as_json.getvalue().splitlines())
     time = first.pop("time")
     assert time.endswith("Z") and "T" in time
     about_it = {"fold": "abc", "movie": "m", "worker": "h/0", "request": "r1"}
     log_tail = {"level": "warning", "logger": "foldback.test", "message": "1 of 2"}
     assert first == log_tail | about_it
-    for other in others:
-        assert "fold" not in other and other["worker"] == "h/0"
+    for record in other_records:
+        assert "fold" not in record and record["worker"] == "h/0"
     assert "[fold=abc movie=m worker=h/0 request=r1]: 1 of 2" in as_text.getvalue()
 
 
@@ -101,9 +101,9 @@ def test_text_and_tracebacks_cannot_forge_lines() -> None:
             raise ValueError(FORGED)
         except ValueError:
             logger.exception("failed")
-        _, first, *others = stream.getvalue().split("\n")[:-1]
+        _, first, *other_lines = stream.getvalue().split("\n")[:-1]
         assert "failed" in first and "Traceback" in stream.getvalue()
-        assert all(line.startswith("  ") and line.isprintable() for line in others)
+        assert all(line.startswith("  ") and line.isprintable() for line in other_lines)
     assert escaped("größer ≥ 3") == "größer ≥ 3"
     assert escaped("a\nb\x00\u202ec") == "a\\nb\\x00\\u202ec"
 
@@ -117,9 +117,9 @@ def test_request_leaves_one_line_with_its_route(log_tail: LogTail) -> None:
     assert line["route"] == "/api/folds/{fold_id}" and "path" not in line
     for odd in ("", "a b", "x" * 65, "<script>", "a;b", "a\tb"):
         answer = log_tail.http.get("/health", headers={"X-Request-ID": odd})
-        given = answer.headers["x-request-id"]
-        assert given != odd and given.isalnum() and len(given) == 32
-        assert access(log_tail, given)["route"] == "/health"
+        header = answer.headers["x-request-id"]
+        assert header != odd and header.isalnum() and len(header) == 32
+        assert access(log_tail, header)["route"] == "/health"
 
 
 def test_secrets_are_not_logged_in_requests(log_tail: LogTail) -> None:
@@ -134,10 +134,10 @@ def test_secrets_are_not_logged_in_requests(log_tail: LogTail) -> None:
 def test_requests_cannot_forge_lines(log_tail: LogTail) -> None:
     paths = ("/nowhere%0a%7b%22level%22:%22error%22%7d%0d%1b%5b2K", "/folds/a%0ab%E2%80%A8")
     ids = [log_tail.http.get(path).headers["x-request-id"] for path in (*paths, "/" + "n" * 5000)]
-    found = [access(log_tail, request_id) for request_id in ids]
-    assert found[0]["path"].startswith("/nowhere\n{")
-    assert "fold" not in found[1]
-    assert len(found[2]["path"]) == 200
+    computed_access = [access(log_tail, request_id) for request_id in ids]
+    assert computed_access[0]["path"].startswith("/nowhere\n{")
+    assert "fold" not in computed_access[1]
+    assert len(computed_access[2]["path"]) == 200
     log_tail.http.request("FORGE", "/health", headers={"X-Request-ID": "odd"})
     assert access(log_tail, "odd")["method"] == "other"
     assert {line["level"] for line in lines(log_tail)} == {"info"}

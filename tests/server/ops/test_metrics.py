@@ -27,31 +27,33 @@ def figures(service: Service) -> dict[tuple[str, tuple[tuple[str, str], ...]], f
     answer = service.metrics()
     assert answer.status_code == 200
     assert answer.headers["content-type"].startswith("text/plain; version=0.0.4")
-    found: dict[tuple[str, tuple[tuple[str, str], ...]], float] = {}
+    metric_values: dict[tuple[str, tuple[tuple[str, str], ...]], float] = {}
     for family in text_string_to_metric_families(answer.text):
         assert family.documentation
         for sample in family.samples:
             key = (sample.name, tuple(sorted(sample.labels.items())))
-            assert key not in found, f"told twice: {key}"
-            found[key] = sample.value
-    return found
+            assert key not in metric_values, f"told twice: {key}"
+            metric_values[key] = sample.value
+    return metric_values
 
 
-def value(found: dict[Any, float], name: str, **labels: str) -> float:
-    return found[(f"foldback_{name}", tuple(sorted(labels.items())))]
+def value(metric_values: dict[Any, float], name: str, **labels: str) -> float:
+    return metric_values[(f"foldback_{name}", tuple(sorted(labels.items())))]
 
 
 def test_finished_folds_are_counted_and_timed(finished: FinishedFold) -> None:
-    found = figures(finished.service)
+    computed_figures = figures(finished.service)
     assert finished.state["status"] == "verified"
-    assert value(found, "folds", status="verified") >= 1
-    assert value(found, "folds", status="queued") == value(found, "queue_length")
+    assert value(computed_figures, "folds", status="verified") >= 1
+    assert value(computed_figures, "folds", status="queued") == value(
+        computed_figures, "queue_length"
+    )
     for name in ("workers", "database_up", "storage_up", "disk_up"):
-        assert value(found, name) == 1, name
-    assert value(found, "disk_free_bytes") > 0
-    took = [value(found, "fold_seconds_lately", quantile=q) for q in ("0.5", "0.9", "1")]
+        assert value(computed_figures, name) == 1, name
+    assert value(computed_figures, "disk_free_bytes") > 0
+    took = [value(computed_figures, "fold_seconds_lately", quantile=q) for q in ("0.5", "0.9", "1")]
     assert took == sorted(took) and took[-1] > 0
-    assert found[("process_resident_memory_bytes", ())] > 1e6
+    assert computed_figures[("process_resident_memory_bytes", ())] > 1e6
 
 
 def test_requests_are_timed_by_route_and_strange_ones_add_no_metrics(idle: Service) -> None:
@@ -67,7 +69,10 @@ def test_requests_are_timed_by_route_and_strange_ones_add_no_metrics(idle: Servi
         idle.http.request(f"FORGE{n}", "/health")
     after = figures(idle)
     assert set(after) == set(before)
-    counts = [value(found, "request_seconds_count", **labels) for found in (before, after)]
+    counts = [
+        value(earlier_values, "request_seconds_count", **labels)
+        for earlier_values in (before, after)
+    ]
     assert counts[1] == counts[0] + 3
     assert value(after, "requests_in_progress") == 1  # the request itself
 
@@ -77,10 +82,10 @@ def test_open_streams_are_counted(idle: Service) -> None:
     with idle.http.stream("GET", f"/api/folds/{fold['id']}/events") as stream:
         events = stream.iter_lines()  # keeps the stream open
         next(events)
-        found = figures(idle)
-        assert fold["id"] not in str(found)
-        assert value(found, "streams_open") == 1
-        assert value(found, "requests_in_progress") == 2
+        computed_figures = figures(idle)
+        assert fold["id"] not in str(computed_figures)
+        assert value(computed_figures, "streams_open") == 1
+        assert value(computed_figures, "requests_in_progress") == 2
 
 
 def test_metrics_without_the_token_are_closed_from_any_address(
@@ -153,17 +158,28 @@ def test_stats_count_rows(each_settings: Settings, each_store: Store) -> None:
             over = {"started_at": now - 100.0, "ended_at": now - 100.0 + 10.0 * n}
             values = over if status in ("verified", "failed") else {}
             error = {"code": "internal"} if status == "failed" else None
-            known = {"status": status, "created_at": now - 1000.0, "bytes": 10**n, "error": error}
-            session.add(a_fold(f"fold{n}", **known, **values))
+            expected = {
+                "status": status,
+                "created_at": now - 1000.0,
+                "bytes": 10**n,
+                "error": error,
+            }
+            session.add(a_fold(f"fold{n}", **expected, **values))
         session.add(a_fold("old", status="failed", started_at=1.0, ended_at=2.0))
         session.add(WorkerRow(**worker, folds_at_once=1, started_at=now))
     with closing(Stats(each_settings, Leases.of(each_settings, each_store))) as stats:
-        found = stats.counts()
-    assert found.folds == {"queued": 2, "running": 1, "verified": 1, "failed": 2, "cancelled": 0}
-    assert 1000 <= found.oldest_queued_s < 1100
-    assert (found.storage_bytes, found.workers) == (11111, 1)
-    assert found.computed_s == pytest.approx((30.0, 40.0))
-    assert found.failures == {"internal": 1}
+        service_counts = stats.counts()
+    assert service_counts.folds == {
+        "queued": 2,
+        "running": 1,
+        "verified": 1,
+        "failed": 2,
+        "cancelled": 0,
+    }
+    assert 1000 <= service_counts.oldest_queued_s < 1100
+    assert (service_counts.storage_bytes, service_counts.workers) == (11111, 1)
+    assert service_counts.computed_s == pytest.approx((30.0, 40.0))
+    assert service_counts.failures == {"internal": 1}
 
 
 def test_metrics_token_is_not_passed_to_workers() -> None:

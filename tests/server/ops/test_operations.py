@@ -25,7 +25,7 @@ def test_table_of_settings_is_up_to_date() -> None:
 
 
 def test_table_of_metrics_and_alerts_name_existing_ones() -> None:
-    shown = PAGE.partition("| metric | meaning |")[2].partition("\n\n")[0]
+    metric_rows = PAGE.partition("| metric | meaning |")[2].partition("\n\n")[0]
     counts = ServiceCounts(
         folds=dict.fromkeys(STATUSES, 0),
         movies={},
@@ -39,7 +39,7 @@ def test_table_of_metrics_and_alerts_name_existing_ones() -> None:
     text = Metrics().text(counts, places, streams=0, target_streams=0).decode()
     metrics = set(re.findall(r"# TYPE (foldback_\w+)", text))
     for name in metrics:
-        assert name.endswith("_created") or name.removeprefix("foldback") in shown
+        assert name.endswith("_created") or name.removeprefix("foldback") in metric_rows
     alerts = yaml.safe_load((ROOT / "deploy" / "alerts.yml").read_text(encoding="utf-8"))
     rules = [rule for group in alerts["groups"] for rule in group["rules"]]
     assert len(rules) >= 5

@@ -73,12 +73,12 @@ def test_missing_database_is_a_reason(tmp_path: Path, postgres: Postgres) -> Non
 
 def test_stopping_service_is_not_ready(service_with: ServiceWith) -> None:
     service = service_with(leave_s=1).start()
-    with httpx.Client(base_url=service.http.base_url) as other:
-        assert other.get("/ready").status_code == 200
+    with httpx.Client(base_url=service.http.base_url) as other_client:
+        assert other_client.get("/ready").status_code == 200
         service.request_stop()
-        while (answer := other.get("/ready")).status_code == 200:
+        while (answer := other_client.get("/ready")).status_code == 200:
             time.sleep(0.02)
         assert answer.status_code == 503
         assert answer.json()["reasons"] == ["the service is stopping"]
-        assert other.get("/health").status_code == 200
+        assert other_client.get("/health").status_code == 200
     assert service.stop() == 0

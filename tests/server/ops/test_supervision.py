@@ -109,9 +109,9 @@ def test_worker_is_killed_for_its_own_silence_only(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.processes
 def test_health_is_answered_with_few_open_files(tmp_path: Path) -> None:
-    few = ("prlimit", "--nofile=256:256")
+    limit_command = ("prlimit", "--nofile=256:256")
     data, proxy = tmp_path / "data", "192.0.2.1"
-    service = Service(data, wrapper=few, workers=0, trusted_proxies=proxy).start()
+    service = Service(data, wrapper=limit_command, workers=0, trusted_proxies=proxy).start()
     host, port = service.http.base_url.host, service.http.base_url.port
     assert port is not None
     with service, ExitStack() as stack:
@@ -122,7 +122,7 @@ def test_health_is_answered_with_few_open_files(tmp_path: Path) -> None:
                 client.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-a")
         for path in ("/health", "/gallery"):
             transport = httpx.HTTPTransport(local_address="127.0.9.9")
-            with httpx.Client(base_url=service.http.base_url, transport=transport) as other:
-                assert other.get(path, timeout=60).status_code == 200
+            with httpx.Client(base_url=service.http.base_url, transport=transport) as other_client:
+                assert other_client.get(path, timeout=60).status_code == 200
     log = service.log.read_text()
     assert "connections instead of 2000" in log and "Traceback" not in log

@@ -29,13 +29,13 @@ send_rest()
 @pytest.fixture
 def receiver() -> Iterator[tuple[str, list[ExportTraceServiceRequest]]]:
     """Address of an OTLP receiver, and the requests that it has received."""
-    got: list[ExportTraceServiceRequest] = []
+    requests: list[ExportTraceServiceRequest] = []
 
     class Receiver(http.server.BaseHTTPRequestHandler):
         def do_POST(self) -> None:
             assert self.path == "/v1/traces"
             body = self.rfile.read(int(self.headers["Content-Length"]))
-            got.append(ExportTraceServiceRequest.FromString(body))
+            requests.append(ExportTraceServiceRequest.FromString(body))
             self.send_response(200)
             self.end_headers()
 
@@ -44,7 +44,7 @@ def receiver() -> Iterator[tuple[str, list[ExportTraceServiceRequest]]]:
 
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Receiver) as server:
         threading.Thread(target=server.serve_forever).start()
-        yield f"http://127.0.0.1:{server.server_port}/v1/traces", got
+        yield f"http://127.0.0.1:{server.server_port}/v1/traces", requests
         server.shutdown()
 
 
@@ -52,10 +52,10 @@ def receiver() -> Iterator[tuple[str, list[ExportTraceServiceRequest]]]:
 def test_fold_is_a_trace_with_a_span_for_each_stage(
     tmp_path: Path, receiver: tuple[str, list[ExportTraceServiceRequest]]
 ) -> None:
-    endpoint, got = receiver
+    endpoint, requests = receiver
     settings = {"FOLDBACK_DATA_DIR": str(tmp_path), "FOLDBACK_OTLP_ENDPOINT": endpoint}
     run_python("-c", CODE, **settings)
-    resources = [resource for request in got for resource in request.resource_spans]
+    resources = [resource for request in requests for resource in request.resource_spans]
     scopes = [scope for resource in resources for scope in resource.scope_spans]
     spans = [span for scope in scopes for span in scope.spans]
     named = {span.name: span for span in spans}

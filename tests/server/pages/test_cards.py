@@ -48,15 +48,15 @@ FILTERS: tuple[tuple[dict[str, str], str], ...] = (
 
 
 def test_gallery_filter_selects_cards() -> None:
-    shown = {"heart": (HEART, VERIFIED), "ring": (RING, FoldStatus())}
+    card_folds = {"heart": (HEART, VERIFIED), "ring": (RING, FoldStatus())}
     for query, expected in FILTERS:
         sieve = GalleryFilter.of(query)
-        found = [
+        names = [
             name
-            for name, (card, status) in shown.items()
+            for name, (card, status) in card_folds.items()
             if sieve.lets(CardFacts.of_shape(card, status))
         ]
-        assert " ".join(found) == expected, query
+        assert " ".join(names) == expected, query
 
 
 def test_gallery_filter_selects_finished_folds() -> None:
@@ -106,8 +106,8 @@ def test_cards_show_the_torque_needed_on_a_table() -> None:
     assert rest_of(1.94).endswith("(joints must hold 2.0 modules at a distance of one spacing)")
     assert rest_of(None) is None
     assert rest_of(0.0) == "Can be folded on a table (needs almost no motor torque)"
-    known = [shape for shape in Gallery().shapes() if rest_of(shape.rests_within)]
-    assert {shape.module for shape in known} == {"cube"}
+    shapes = [shape for shape in Gallery().shapes() if rest_of(shape.rests_within)]
+    assert {shape.module for shape in shapes} == {"cube"}
 
 
 def test_card_of_an_unusual_fold_shows_its_method() -> None:

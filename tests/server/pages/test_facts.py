@@ -57,11 +57,11 @@ def test_every_parameter_has_a_label_of_its_own() -> None:
         names = [field.name for field in dataclasses.fields(kind) if field.name != "robot"]
         described = descriptions(kind)
         assert names == list(described)
-        settings |= {n: each for n, each in described.items() if isinstance(each, Setting)}
+        settings |= {n: setting for n, setting in described.items() if isinstance(setting, Setting)}
         labels = [label for label, _ in parameters(dict.fromkeys(names, 1.5), kind)]
         assert len(set(labels)) == len(labels)
         assert not [label for label in labels if "_" in label]
-    assert settings == {each.name: each for each in ALL_SETTINGS}
+    assert settings == {all_setting.name: all_setting for all_setting in ALL_SETTINGS}
     controllers = {preset(name).playback.controller for name in PRESETS}
     assert controllers <= set(quantities.CONTROLLER_LABELS)
     assert set(quantities.PRESET_LABELS) == set(PRESETS)
@@ -86,8 +86,8 @@ def test_unused_parameters_are_left_out() -> None:
             values = preset(changes.get("preset", "default")).as_dict() | changes
             groups = used_parameters(values, strategy=strategy, simulated=simulated)
             assert [heading.partition(" ")[0].rstrip(",") for heading, *_ in groups] == headings
-            shown = groups[-1 if strategy == "peel" else headings.index("Playback")][-1]
-            assert row in shown and absent not in shown
+            shown_fact = groups[-1 if strategy == "peel" else headings.index("Playback")][-1]
+            assert row in shown_fact and absent not in shown_fact
 
 
 def test_ideal_robot_is_described_by_its_encoders_alone() -> None:
@@ -124,10 +124,10 @@ def test_failed_fold_shows_its_frame_count(tmp_path: Path) -> None:
 
 def test_failed_fold_offers_another_try(tmp_path: Path) -> None:
     """tests/server/contract checks the offers of other folds."""
-    again = fold_facts(failed_fold(tmp_path, 0, seed=2**32 - 1))["again"]
-    assert again["text"] == "Try another random seed" and again["form"]["seed"] == 0
-    again = fold_facts(failed_fold(tmp_path, 0, strategy="turns"))["again"]
-    assert again["text"] == "Try an explosion" and "strategy" not in again["form"]
+    again_command = fold_facts(failed_fold(tmp_path, 0, seed=2**32 - 1))["again"]
+    assert again_command["text"] == "Try another random seed" and again_command["form"]["seed"] == 0
+    again_command = fold_facts(failed_fold(tmp_path, 0, strategy="turns"))["again"]
+    assert again_command["text"] == "Try an explosion" and "strategy" not in again_command["form"]
     plain = fold_facts(failed_fold(tmp_path, 0, status="verified", preset="paper"))["compare"]
     settable = {way["text"]: way["settable"] for way in plain if "settable" in way}
     assert settable == {"Published method, modified": "must"}
@@ -148,8 +148,8 @@ def test_long_chain_is_not_offered_a_table_first(finished: FinishedFold, tmp_pat
     shutil.copyfile(finished.directory / "chain.json", tmp_path / "chain.json")
 
     def offered(modules: int) -> list[str]:
-        found = failed_fold(tmp_path, 0, status="verified", modules=modules)
-        return [offer["text"] for offer in fold_facts(found)["compare"]]
+        facts = failed_fold(tmp_path, 0, status="verified", modules=modules)
+        return [offer["text"] for offer in fold_facts(facts)["compare"]]
 
     assert offered(96)[0] == "On a table"
     long = offered(97)
@@ -159,12 +159,12 @@ def test_long_chain_is_not_offered_a_table_first(finished: FinishedFold, tmp_pat
 def test_times_of_offered_folds_name_the_compilation(
     tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = failed_fold(tmp_path, 0, status="verified")
+    facts = failed_fold(tmp_path, 0, status="verified")
     leases = Leases.of(Settings(data_dir=tmp_path, workers=0), store)
     context = cast(Context, SimpleNamespace(estimates=Estimates(store), leases=leases))
 
     def hints() -> set[str]:
-        offers = fold_facts(found, takes=takes(context))["compare"]
+        offers = fold_facts(facts, takes=takes(context))["compare"]
         return {offer.get("hint", "") for offer in offers}
 
     assert "Takes less than a minute" in hints()

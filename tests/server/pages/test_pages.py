@@ -54,13 +54,13 @@ def test_scripts_and_styles_are_compressed_on_request() -> None:
         assert packed.headers["content-encoding"] == "gzip"
         assert packed.content == plain.content
         assert int(packed.headers["content-length"]) < 0.5 * len(plain.content)
-        assert {each.headers["vary"] for each in (plain, packed)} == {"Accept-Encoding"}
+        assert {page.headers["vary"] for page in (plain, packed)} == {"Accept-Encoding"}
         # Caches distinguish the two.
-        tags = [each.headers["etag"] for each in (plain, packed)]
+        tags = [page.headers["etag"] for page in (plain, packed)]
         assert tags[0] != tags[1]
         for tag, status in zip(tags, (200, 304), strict=True):
-            known = get(path, **{"Accept-Encoding": "gzip", "If-None-Match": tag})
-            assert known.status_code == status
+            expected = get(path, **{"Accept-Encoding": "gzip", "If-None-Match": tag})
+            assert expected.status_code == status
 
 
 def test_versioned_scripts_are_cached_by_browsers() -> None:
@@ -81,10 +81,10 @@ def test_incompressible_assets_are_sent_unchanged() -> None:
 def test_pages_with_secrets_are_not_compressed(idle: Service) -> None:
     fold = idle.fold(SNAKE, seed="301")
     page, fold_id = f"/folds/{fold['id']}", fold["id"]
-    own = {**bearer(fold["owner_token"]), "Accept-Encoding": "gzip"}
+    own_headers = {**bearer(fold["owner_token"]), "Accept-Encoding": "gzip"}
     paths = (page, f"{page}/facts", f"/api{page}", "/api/mine/folds", "/gallery?q=guess")
     for path in (*paths, f"/compare?a={fold_id}&b={fold_id}"):
-        answer = idle.http.get(path, headers=own)
+        answer = idle.http.get(path, headers=own_headers)
         assert answer.status_code == 200, path
         assert "content-encoding" not in answer.headers, path
         assert "no-transform" in answer.headers["cache-control"], path
@@ -94,9 +94,11 @@ def test_pages_with_secrets_are_not_compressed(idle: Service) -> None:
 
 def test_my_folds_page_is_the_same_for_all_and_not_indexed(idle: Service) -> None:
     keys = (bearer("K" * 32), {})
-    same = [idle.http.get("/my-folds", headers=key | {"Accept-Encoding": "gzip"}) for key in keys]
-    assert same[0].content == same[1].content
-    for page in same:
+    same_https = [
+        idle.http.get("/my-folds", headers=key | {"Accept-Encoding": "gzip"}) for key in keys
+    ]
+    assert same_https[0].content == same_https[1].content
+    for page in same_https:
         assert page.headers["content-encoding"] == "gzip"
         assert page.headers["cache-control"] == "no-store"
         assert "noindex" in page.headers["x-robots-tag"]
@@ -132,8 +134,8 @@ def test_every_statement_is_shown_and_every_address_is_answered() -> None:
 
 def test_films_are_cached_until_they_change() -> None:
     first = get("/paper/mallet-24/batch")
-    again = get("/paper/mallet-24/batch", **{"if-none-match": first.headers["etag"]})
-    assert (again.status_code, again.content) == (304, b"")
+    repeated_get = get("/paper/mallet-24/batch", **{"if-none-match": first.headers["etag"]})
+    assert (repeated_get.status_code, repeated_get.content) == (304, b"")
 
 
 def test_no_address_leads_to_another_file() -> None:

@@ -47,11 +47,13 @@ def test_privacy_page_shows_the_settings() -> None:
 def test_fold_page_shows_its_visibility_and_retention() -> None:
     """tests/server/contract compares the texts of folds that do not expire."""
     settings = Settings(keep_days=1)
-    mine, pinned = (ShownFold.of(a_fold("a", pinned=pinned)) for pinned in (False, True))
-    who = "Only people with the link can see it."
-    assert visibility(settings) == visibility(settings, mine)
-    assert visibility(settings, mine) == (f"A fold is stored for 1 day after its last view. {who}")
-    assert visibility(settings, pinned) == f"This fold is stored permanently. {who}"
+    unpinned, pinned = (ShownFold.of(a_fold("a", pinned=pinned)) for pinned in (False, True))
+    privacy_words = "Only people with the link can see it."
+    assert visibility(settings) == visibility(settings, unpinned)
+    assert visibility(settings, unpinned) == (
+        f"A fold is stored for 1 day after its last view. {privacy_words}"
+    )
+    assert visibility(settings, pinned) == f"This fold is stored permanently. {privacy_words}"
     for bound in ("storage_bytes", "storage_of_visitor_bytes"):
         text = visibility(Settings.model_validate({bound: MIB_BYTES}))
         assert text.startswith("A fold is stored while there is space;")

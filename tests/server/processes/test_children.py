@@ -97,9 +97,11 @@ def upload_in(directory: Path) -> Path:
 
 
 @contextmanager
-def make_child(kind: Kind = "reader", limits: ChildLimits = LIMITS, **more: Any) -> Iterator[Child]:
+def make_child(
+    kind: Kind = "reader", limits: ChildLimits = LIMITS, **extra: Any
+) -> Iterator[Child]:
     """Yield a child; it is started directly unless there is a fork server."""
-    child = Child(kind, limits, **more)
+    child = Child(kind, limits, **extra)
     try:
         yield child
     finally:
@@ -118,8 +120,8 @@ def test_stages_are_those_of_the_planner() -> None:
 
 def test_child_answers_repeatedly_until_it_hangs(child: Child, directory: Path) -> None:
     for _ in range(2):
-        found = child.call("check", directory, wall_s=60)
-        assert found == {"name": "snake", "module": "cube", "modules": 16}
+        child_report = child.call("check", directory, wall_s=60)
+        assert child_report == {"name": "snake", "module": "cube", "modules": 16}
     os.kill(child.pid, signal.SIGSTOP)
     with refused("time-limit", match="exceeded its limit", kind=ChildError):
         child.call("check", directory, wall_s=0.1)
@@ -169,9 +171,9 @@ def run_first(place: Path, code: str) -> dict[str, str]:
     return {"PYTHONPATH": f"{place}{os.pathsep}{CHECKOUT}"}
 
 
-def without_libraries(place: Path, more: str = "") -> dict[str, str]:
+def without_libraries(directory: Path, extra: str = "") -> dict[str, str]:
     """Return the environment of a child that computes nothing."""
-    return run_first(place, WITHOUT_LIBRARIES + more)
+    return run_first(directory, WITHOUT_LIBRARIES + extra)
 
 
 def test_reports_of_a_starting_child_are_passed_on(directory: Path, tmp_path: Path) -> None:
@@ -330,8 +332,8 @@ def test_unexpected_error_of_a_task_reaches_no_visitor(
     def fail(*_: object) -> dict[str, Any]:
         raise ValueError("array is too big; see /data/secret")
 
-    told = MagicMock()
+    sink = MagicMock()
     request = child_process.Request("preview", tmp_path)
-    child_process._answer(told, fail, request, 2**30)
-    told.tell.assert_called_once_with("problem", code="internal", detail=UNEXPECTED_WORDS)
+    child_process._answer(sink, fail, request, 2**30)
+    sink.tell.assert_called_once_with("problem", code="internal", detail=UNEXPECTED_WORDS)
     assert "/data/secret" in capfd.readouterr().err

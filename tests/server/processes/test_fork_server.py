@@ -31,10 +31,10 @@ def directory(tmp_path: Path) -> Path:
     return upload_in(tmp_path)
 
 
-def make_server(place: Path, more: str = "", *, warm: bool = False) -> ForkServer:
+def make_server(directory: Path, extra: str = "", *, warm: bool = False) -> ForkServer:
     """Return a server whose children compute nothing, and that first runs more code."""
-    place.mkdir()
-    return ForkServer(["stages"], warm=warm, environment=without_libraries(place, more))
+    directory.mkdir()
+    return ForkServer(["stages"], warm=warm, environment=without_libraries(directory, extra))
 
 
 @pytest.fixture(scope="module")
@@ -49,15 +49,15 @@ def pid_of(server: ForkServer) -> int:
 
 
 def test_children_of_one_server_are_processes_of_their_own(directory: Path) -> None:
-    with make_child(fork_server=FORKS) as one, make_child(fork_server=FORKS) as other:
-        for child in (one, other):
+    with make_child(fork_server=FORKS) as first, make_child(fork_server=FORKS) as second:
+        for child in (first, second):
             assert child.call("check", directory, wall_s=60) == RESULT
             process, pid = psutil.Process(child.pid), child.pid
             assert process.cmdline()[0] == "foldback reader"
             assert (process.ppid(), os.getpgid(pid), os.getsid(pid)) == (pid_of(FORKS), pid, pid)
-        pids = {one.pid, other.pid}
+        pids = {first.pid, second.pid}
         assert len(pids) == 2
-    assert not pids & {each.pid for each in psutil.Process(pid_of(FORKS)).children()}
+    assert not pids & {process.pid for process in psutil.Process(pid_of(FORKS)).children()}
 
 
 def test_children_of_a_killed_fork_server_end_and_it_is_replaced(
@@ -119,8 +119,8 @@ def test_child_ended_before_it_was_forked_does_not_stay(
         # The late child ends at once, because its client is gone.
         with make_child("stages", fork_server=server) as after:
             after.call("read", directory, wall_s=60)
-            wanted, forking = {child.pid, after.pid}, psutil.Process(pid_of(server))
-            wait_until(lambda: {one.pid for one in forking.children()} == wanted)
+            expected, forking = {child.pid, after.pid}, psutil.Process(pid_of(server))
+            wait_until(lambda: {process.pid for process in forking.children()} == expected)
 
 
 def test_reason_why_a_fork_server_cannot_start_is_logged(
@@ -185,7 +185,9 @@ def test_previews_wait_for_their_kernels_and_paths_do_not(tmp_path: Path, direct
             assert result["status"] == "cancelled"
             assert not loaded.exists()
             compiling = psutil.Process(pid_of(server)).children()
-            next(one for one in compiling if one.cmdline() == ["sleep", "600"]).kill()
+            next(
+                compiler for compiler in compiling if compiler.cmdline() == ["sleep", "600"]
+            ).kill()
             assert child.call("check", directory, wall_s=60) == RESULT
         assert loaded.exists()
 

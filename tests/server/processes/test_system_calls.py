@@ -240,9 +240,9 @@ def header_numbers(header: Path) -> dict[str, int]:
     """Return the numbers of system calls in a header of the kernel, by name."""
     pairs = re.findall(r"^#define __NR(?:3264)?_(\w+)\s+(\d+)$", header.read_text(), re.MULTILINE)
     generic = {"fstatat": "newfstatat"}
-    found = {generic.get(name, name): int(number) for name, number in pairs}
-    found.pop("syscalls", None)  # how many there are
-    return found
+    call_numbers = {generic.get(name, name): int(number) for name, number in pairs}
+    call_numbers.pop("syscalls", None)  # how many there are
+    return call_numbers
 
 
 def test_numbers_of_the_table_are_those_of_the_kernel() -> None:
@@ -250,16 +250,16 @@ def test_numbers_of_the_table_are_those_of_the_kernel() -> None:
     headers = {1: places / "asm-generic/unistd.h"}
     if platform.machine() == "x86_64":
         headers[0] = next(places.glob("**/asm/unistd_64.h"))
-    ours = {**CALLS, **PROGRAM_CALLS, **UNSUPPORTED_CALLS}
+    all_calls = {**CALLS, **PROGRAM_CALLS, **UNSUPPORTED_CALLS}
     for column, header in headers.items():
         expected = header_numbers(header)
         newest = max(expected.values())
-        for name, pair in ours.items():
-            number = pair[column]
+        for name, call_numbers in all_calls.items():
+            number = call_numbers[column]
             if number is None or number <= newest:
                 assert expected.get(name) == number, name
     # Since number 424, all architectures have the same numbers.
-    assert all(x == a for x, a in ours.values() if x is not None and x >= 424)
+    assert all(x == a for x, a in all_calls.values() if x is not None and x >= 424)
 
 
 @pytest.mark.parametrize("drawing", [False, True])
@@ -269,13 +269,13 @@ def test_only_listed_calls_are_permitted(architecture: tuple[int, int, int], dra
     column = architecture[2]
     free = numbers(column, drawing=drawing) - {CALLS[name][column] for name in limited}
     for number in range(LAST_NUMBER):
-        got = decide(architecture, number, *[2**64 - 1] * 6, drawing=drawing)
+        decision = decide(architecture, number, *[2**64 - 1] * 6, drawing=drawing)
         if number in free:
-            assert got == PERMIT
+            assert decision == PERMIT
         elif number >= 470 or (number, number) in UNSUPPORTED_CALLS.values():
-            assert got == UNSUPPORTED
+            assert decision == UNSUPPORTED
         else:
-            assert got == REFUSE, number
+            assert decision == REFUSE, number
         assert decide(architecture, number, mark=I386_MARK, drawing=drawing) == REFUSE
         x32 = 0x40000000 + number
         assert decide(architecture, x32, drawing=drawing) == UNSUPPORTED
@@ -341,13 +341,15 @@ def test_drawing_process_may_start_programs_and_ask_drivers() -> None:
 def test_kernel_refuses_every_other_call(tmp_path: Path, drawing: bool) -> None:
     column = seccomp.ARCHITECTURES[platform.machine()][2]
     listed = numbers(column, drawing=drawing)
-    others = sorted(set(range(LAST_NUMBER)) - listed - PROBE_CALLS)
-    (line,) = run(EVERY_OTHER_CALL, tmp_path, "drawing" if drawing else "", json.dumps(others))
-    found: dict[str, int] = json.loads(line)
-    assert len(found) == len(others) > 300
-    assert set(found.values()) == {errno.EPERM, errno.ENOSYS}
-    assert found["435"] == errno.ENOSYS  # clone3
-    refused = {number for number, code in found.items() if code == errno.EPERM}
+    other_numbers = sorted(set(range(LAST_NUMBER)) - listed - PROBE_CALLS)
+    (line,) = run(
+        EVERY_OTHER_CALL, tmp_path, "drawing" if drawing else "", json.dumps(other_numbers)
+    )
+    call_results: dict[str, int] = json.loads(line)
+    assert len(call_results) == len(other_numbers) > 300
+    assert set(call_results.values()) == {errno.EPERM, errno.ENOSYS}
+    assert call_results["435"] == errno.ENOSYS  # clone3
+    refused = {number for number, code in call_results.items() if code == errno.EPERM}
     assert len(refused) > 150
 
 
@@ -375,7 +377,10 @@ def test_every_version_of_landlock_holds_what_is_promised(tmp_path: Path) -> Non
     lines = run(ATTACK, place, foreign, json.dumps(named), json.dumps(versions))
     assert len(lines) == len(versions) > 0
     for version, line in zip(versions, lines, strict=True):
-        found: dict[str, Any] = json.loads(line)
-        assert set(found["attack"].values()) == {"PermissionError"}, (version, found["attack"])
-        assert set(found["needs"].values()) == {"done"}, (version, found["needs"])
+        call_results: dict[str, Any] = json.loads(line)
+        assert set(call_results["attack"].values()) == {"PermissionError"}, (
+            version,
+            call_results["attack"],
+        )
+        assert set(call_results["needs"].values()) == {"done"}, (version, call_results["needs"])
         assert foreign.read_text() == "theirs"

@@ -206,14 +206,14 @@ def run_attack(
     (place / "aim.json").write_text(json.dumps(targets))
     timeline = settings.folds_dir / "filmed" / "timeline.zarr"
     ask_for_movie(place, asdict(Movie()), timeline, "movie", on_table=False)
-    many = kind in (*FORKED_KINDS, "pictures")
-    limits = replace(ChildLimits.of(settings, awaited=many), niceness=0)
+    count = kind in (*FORKED_KINDS, "pictures")
+    limits = replace(ChildLimits.of(settings, awaited=count), niceness=0)
     if kind in ("retimer", "pictures"):
         limits = replace(limits, folders=(str(settings.motions_dir),))
     task = {"retimer": "retime", "pictures": "picture"}.get(kind, "check")
     with make_child(kind, limits, fork_server=forks, environment=environment) as child:
-        found = child.call(task, place, wall_s=120)
-    return json.loads(found["reason"]) if kind == "movies" else found
+        child_report = child.call(task, place, wall_s=120)
+    return json.loads(child_report["reason"]) if kind == "movies" else child_report
 
 
 @pytest.mark.processes
@@ -222,9 +222,9 @@ def run_attack(
 def test_hijacked_process_reaches_nothing(
     kind: Kind, tmp_path: Path, targets: dict[str, Any], forks: ForkServer
 ) -> None:
-    found = run_attack(kind, tmp_path, targets, None if kind in SPAWNED_KINDS else forks)
-    assert found["own"] == found["own limits"] == "done"
-    refused = found["refused"]
+    attack = run_attack(kind, tmp_path, targets, None if kind in SPAWNED_KINDS else forks)
+    assert attack["own"] == attack["own limits"] == "done"
+    refused = attack["refused"]
     # Movies need an encoder, but no program can do more than the process that starts it.
     assert refused.pop("program") == (
         "CalledProcessError" if kind == "movies" else "PermissionError"
@@ -232,8 +232,8 @@ def test_hijacked_process_reaches_nothing(
     assert set(refused.values()) == {"PermissionError"}, refused
     # Only the pipe to the parent is open and, in some kinds, the reader of one upload or plan. No
     # other reader was started before, as it would not be confined.
-    assert found["threads"] == (3 if kind in (*FORKED_KINDS, "pictures") else 2)
-    assert "socket" not in found["files"]
+    assert attack["threads"] == (3 if kind in (*FORKED_KINDS, "pictures") else 2)
+    assert "socket" not in attack["files"]
 
 
 def test_packages_are_readable_wherever_they_are_installed(

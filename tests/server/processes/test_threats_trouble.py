@@ -52,12 +52,12 @@ def test_without_a_database_every_route_reports_when_to_retry(broken: tuple[Serv
         check_problem(answer, 503, "no-database", retry=True)
         assert "sqlite" not in answer.text.lower()
     for method, path in CHANGES:
-        more = {"json": {}} if "movies" in path else {"data": {"shape": "mallet-64"}}
+        extra = {"json": {}} if "movies" in path else {"data": {"shape": "mallet-64"}}
         answer = service.http.request(
             method,
             path.format(fold_id),
             headers=bearer("a" * 32),
-            **(more if method == "POST" else {}),
+            **(extra if method == "POST" else {}),
         )
         assert (answer.status_code, answer.json()["code"]) == (503, "no-database"), answer.text
 
@@ -132,10 +132,10 @@ def test_outages_differ_from_errors(error: Exception, kind: type[ServiceError] |
 
 def test_environment_of_a_child_holds_no_secrets() -> None:
     names = ("PATH", "HOME", "LC_ALL", "PYTHONPATH", "NUMBA_CACHE_DIR", "LD_LIBRARY_PATH")
-    ours = dict.fromkeys((*names, "MUJOCO_GL"), "/x")
+    environment = dict.fromkeys((*names, "MUJOCO_GL"), "/x")
     secrets = ("FOLDBACK_DATABASE_URL", "AWS_SECRET_ACCESS_KEY", "PGPASSWORD")
     secrets += ("AWS_SESSION_TOKEN", "SOME_API_KEY", "OTEL_EXPORTER_OTLP_HEADERS")
-    assert environment_of_child({**ours, **dict.fromkeys(secrets, "secret")}) == ours
+    assert environment_of_child({**environment, **dict.fromkeys(secrets, "secret")}) == environment
 
 
 @pytest.mark.processes

@@ -91,8 +91,8 @@ def test_lock_reveals_dead_workers_of_this_machine_at_once(
     identities = WorkerIdentities(Settings(data_dir=tmp_path))
     living, identity = identities.take(), identities.take()
     assert living.name != identity.name
-    for each in (living, identity):
-        heartbeat(leases, each.name)
+    for lease in (living, identity):
+        heartbeat(leases, lease.name)
     assert leases.expired(()) == set()
     identity.lock.close()  # the kernel releases the lock when the process ends
     assert leases.expired(()) == {identity.name}
@@ -103,7 +103,7 @@ def test_lock_reveals_dead_workers_of_this_machine_at_once(
 def test_preparing_is_that_of_workers_until_one_is_ready(leases: Leases, clock: Clock) -> None:
     def compiled_fraction() -> float | None:
         clock.now += 1.0
-        return None if (found := leases.compilation()) is None else found.fraction
+        return None if (compilation := leases.compilation()) is None else compilation.fraction
 
     for name in ("a/x/0", "b/x/0"):
         heartbeat(leases, name)
@@ -152,8 +152,8 @@ def test_probe_for_dead_workers_locks_no_name(tmp_path: Path) -> None:
         try:
             assert probing.stdout.readline() == b"begun\n"
             for _ in range(300):
-                taken = identities.take()
-                taken.lock.close()
-                assert taken.name == identity.name
+                taken_s = identities.take()
+                taken_s.lock.close()
+                assert taken_s.name == identity.name
         finally:
             probing.kill()

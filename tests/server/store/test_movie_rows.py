@@ -67,8 +67,8 @@ def processes(tmp_path: Path) -> Iterator[Processes]:
     """Function that creates two processes with a finished fold."""
 
     def make(**settings: Any) -> list[Process]:
-        each = Settings(data_dir=tmp_path, **settings)
-        created = [stack.enter_context(closing(Process(each))) for _ in range(2)]
+        site_settings = Settings(data_dir=tmp_path, **settings)
+        created = [stack.enter_context(closing(Process(site_settings))) for _ in range(2)]
         store = created[0].store
         store.add(a_fold("a1", bytes=1000), OWNER)
         timeline = store.directory("a1") / "timeline.zarr"
@@ -86,12 +86,12 @@ def filming(monkeypatch: pytest.MonkeyPatch) -> dict[str, Callable[[], None]]:
     acts: dict[str, Callable[[], None]] = {"meanwhile": lambda: None}
 
     def run_movie(
-        place: Path, limits: object, *, cancelled: Callable[[], bool], **rest: Any
+        movie_place: Path, limits: object, *, cancelled: Callable[[], bool], **movie_options: Any
     ) -> bool:
-        request = json.loads((place / "request.json").read_text())
+        request = json.loads((movie_place / "request.json").read_text())
         assert Path(request["timeline"], "zarr.json").is_file()
         acts["meanwhile"]()
-        (place / request["part"]).write_bytes(b"a movie")
+        (movie_place / request["part"]).write_bytes(b"a movie")
         return not cancelled()
 
     monkeypatch.setattr(movie_runner, "run_movie", run_movie)
@@ -105,7 +105,7 @@ def remaining_files(process: Process) -> list[str]:
 
 
 def test_movie_requested_at_once_is_one_job(processes: Processes) -> None:
-    both = processes()
+    process_pair = processes()
     ready = threading.Barrier(8)
 
     def ask(process: Process) -> bool:
@@ -113,116 +113,118 @@ def test_movie_requested_at_once_is_one_job(processes: Processes) -> None:
         return process.ask(MOVIES[0], "somebody")[1]
 
     with ThreadPoolExecutor(8) as threads:
-        new = list(threads.map(ask, both * 4))
+        new = list(threads.map(ask, process_pair * 4))
     assert new.count(True) == 1
-    assert both[0].row().status == "queued"
+    assert process_pair[0].row().status == "queued"
 
 
 def test_movies_of_one_network_leave_room_for_others(processes: Processes) -> None:
-    one, other = processes(movies_waiting_of_visitor=1, movies_waiting=4)
+    first, second = processes(movies_waiting_of_visitor=1, movies_waiting=4)
     home = [visitor_at(f"2001:db8:1:{k}::1") for k in range(3)]
-    one.ask(MOVIES[0], home[0])
+    first.ask(MOVIES[0], home[0])
     with refused("too-many-movies", kind=TooMany):
-        other.ask(MOVIES[1], home[0])
-    assert not other.ask(MOVIES[0], home[0])[1]  # an equal request is no other movie
-    other.ask(MOVIES[1], home[1])
+        second.ask(MOVIES[1], home[0])
+    assert not second.ask(MOVIES[0], home[0])[1]  # an equal request is no other movie
+    second.ask(MOVIES[1], home[1])
     with pytest.raises(TooMany, match="from your network"):
-        one.ask(MOVIES[2], home[2])
+        first.ask(MOVIES[2], home[2])
     for k in range(2):
-        assert one.ask(MOVIES[2 + k], visitor_at(f"2001:db8:{2 + k}::1"))[1]
+        assert first.ask(MOVIES[2 + k], visitor_at(f"2001:db8:{2 + k}::1"))[1]
     with refused("busy", kind=Unavailable):
-        other.ask(Movie.of({"seconds": 5}), visitor_at("2001:db8:9::1"))
+        second.ask(Movie.of({"seconds": 5}), visitor_at("2001:db8:9::1"))
 
 
 def test_repeatedly_lost_movie_fails_and_is_requested_again(processes: Processes) -> None:
-    one, other = processes()
-    one.ask(MOVIES[0], "somebody")
-    claim = MovieClaim("a1", MOVIES[0].key, one.row().job, "worker:1", losses=MAX_LOSSES)
-    one.worker.make(claim)
-    state = other.movies.state("a1", MOVIES[0].key)
+    first, second = processes()
+    first.ask(MOVIES[0], "somebody")
+    claim = MovieClaim("a1", MOVIES[0].key, first.row().job, "worker:1", losses=MAX_LOSSES)
+    first.worker.make(claim)
+    state = second.movies.state("a1", MOVIES[0].key)
     assert (state.status, state.problem and state.problem["code"]) == ("failed", "interrupted")
     owner = new_owner()
-    state, new = other.ask(MOVIES[0], "somebody", owner=owner)
+    state, new = second.ask(MOVIES[0], "somebody", owner=owner)
     assert state.status == "queued"
     assert new and owner.owns(state.token_hash)
 
 
 def test_movie_made_twice_counts_once(processes: Processes, filming: Any) -> None:
-    one, other = processes()
-    one.ask(MOVIES[0], "somebody")
-    filming["meanwhile"] = lambda: filming.update(meanwhile=lambda: None) or other.make()
-    one.make()  # another worker takes over and finishes first
-    other.make()
-    path = one.movies.file("a1", MOVIES[0].key)
+    first, second = processes()
+    first.ask(MOVIES[0], "somebody")
+    filming["meanwhile"] = lambda: filming.update(meanwhile=lambda: None) or second.make()
+    first.make()  # another worker takes over and finishes first
+    second.make()
+    path = first.movies.file("a1", MOVIES[0].key)
     assert path is not None and path.read_bytes() == b"a movie"
-    assert (one.row().bytes, remaining_files(one)) == (7, [path.name])
-    assert one.fold().bytes == 1000  # movies do not count as files of the fold
-    assert not list(one.settings.scratch_dir.iterdir())
-    other.movies.delete("a1", MOVIES[0].key)
-    assert remaining_files(one) == []
+    assert (first.row().bytes, remaining_files(first)) == (7, [path.name])
+    assert first.fold().bytes == 1000  # movies do not count as files of the fold
+    assert not list(first.settings.scratch_dir.iterdir())
+    second.movies.delete("a1", MOVIES[0].key)
+    assert remaining_files(first) == []
 
 
 def test_movie_deleted_while_it_is_made_leaves_nothing(processes: Processes, filming: Any) -> None:
-    one, other = processes()
-    one.ask(MOVIES[0], "somebody")
-    job = one.row().job
-    filming["meanwhile"] = lambda: other.movies.delete("a1", MOVIES[0].key)
-    one.make()
-    assert remaining_files(one) == []
+    first, second = processes()
+    first.ask(MOVIES[0], "somebody")
+    job = first.row().job
+    filming["meanwhile"] = lambda: second.movies.delete("a1", MOVIES[0].key)
+    first.make()
+    assert remaining_files(first) == []
     with pytest.raises(NoSuchMovieError):
-        one.movies.state("a1", MOVIES[0].key)
-    one.ask(MOVIES[0], "somebody")
+        first.movies.state("a1", MOVIES[0].key)
+    first.ask(MOVIES[0], "somebody")
     old = MovieClaim("a1", MOVIES[0].key, job, "worker:1")
-    one.worker.make(old)  # the old claim is no longer valid
-    assert one.row().status == "queued"
+    first.worker.make(old)  # the old claim is no longer valid
+    assert first.row().status == "queued"
 
     def delete_fold() -> None:
-        other.store.delete("a1")
-        other.store.folders.remove("a1")
+        second.store.delete("a1")
+        second.store.folders.remove("a1")
 
     filming["meanwhile"] = delete_fold
-    one.make()
-    assert not (one.settings.folds_dir / "a1").exists()
+    first.make()
+    assert not (first.settings.folds_dir / "a1").exists()
 
 
 def test_oldest_movie_is_removed_first(processes: Processes, filming: Any) -> None:
-    one, other = processes(movies_of_fold=2)
+    first, second = processes(movies_of_fold=2)
     for movie in MOVIES:
-        one.ask(movie, "somebody")
-        other.make(movie)
-    assert sorted(remaining_files(one)) == sorted(one.row(movie).file for movie in MOVIES[2:])
+        first.ask(movie, "somebody")
+        second.make(movie)
+    assert sorted(remaining_files(first)) == sorted(first.row(movie).file for movie in MOVIES[2:])
     # A movie whose file is gone is removed, and can be made again.
-    other.store.folders.remove_movie("a1", one.row(MOVIES[3]).file)
-    assert one.movies.file("a1", MOVIES[3].key) is None
-    assert one.movies.state("a1", MOVIES[3].key).status == "failed"
-    assert one.row(MOVIES[3]).bytes == 0
-    assert one.ask(MOVIES[3], "somebody")[1]
+    second.store.folders.remove_movie("a1", first.row(MOVIES[3]).file)
+    assert first.movies.file("a1", MOVIES[3].key) is None
+    assert first.movies.state("a1", MOVIES[3].key).status == "failed"
+    assert first.row(MOVIES[3]).bytes == 0
+    assert first.ask(MOVIES[3], "somebody")[1]
 
 
 def test_movies_of_strangers_do_not_displace_those_of_the_owner(
     processes: Processes, filming: Any
 ) -> None:
-    one, other = processes(movies_of_fold=1)
-    one.ask(MOVIES[0], "the owner", of_owner=True)
-    other.make(MOVIES[0])
+    first, second = processes(movies_of_fold=1)
+    first.ask(MOVIES[0], "the owner", of_owner=True)
+    second.make(MOVIES[0])
     for movie in MOVIES[1:3]:
-        one.ask(movie, "a stranger")
-        other.make(movie)
-    assert sorted(remaining_files(one)) == sorted(one.row(m).file for m in (MOVIES[0], MOVIES[2]))
+        first.ask(movie, "a stranger")
+        second.make(movie)
+    assert sorted(remaining_files(first)) == sorted(
+        first.row(m).file for m in (MOVIES[0], MOVIES[2])
+    )
     # A stranger's movie stays, too, once the owner requests it.
-    assert one.ask(MOVIES[2], "the owner", of_owner=True)[1] is False
-    one.ask(MOVIES[3], "a stranger")
-    other.make(MOVIES[3])
-    assert len(remaining_files(one)) == 3
+    assert first.ask(MOVIES[2], "the owner", of_owner=True)[1] is False
+    first.ask(MOVIES[3], "a stranger")
+    second.make(MOVIES[3])
+    assert len(remaining_files(first)) == 3
 
 
 def test_movie_requested_by_stranger_and_owner_is_the_owners(processes: Processes) -> None:
-    one, other = processes()
+    first, second = processes()
     stranger = new_owner()
-    assert other.ask(MOVIES[0], "a stranger", owner=stranger)[1]
-    found, new = one.ask(MOVIES[0], "the owner", of_owner=True)
-    assert not new and one.row().of_owner
-    assert not stranger.owns(found.token_hash)
+    assert second.ask(MOVIES[0], "a stranger", owner=stranger)[1]
+    movie_row, new = first.ask(MOVIES[0], "the owner", of_owner=True)
+    assert not new and first.row().of_owner
+    assert not stranger.owns(movie_row.token_hash)
 
 
 def test_files_of_a_dead_worker_are_removed(tmp_path: Path, store: Store) -> None:

@@ -53,9 +53,9 @@ class Site:
         self.uploads.close()
         self.store.close()
 
-    def add(self, visitor: str = "owner", *, size: int = 2, **more: Any) -> str:
+    def add(self, visitor: str = "owner", *, size: int = 2, **extra: Any) -> str:
         with self.uploads.stored(BytesIO(bytes(size)), "thing.stl") as upload:
-            return self.reports.add(upload, visitor, **more)
+            return self.reports.add(upload, visitor, **extra)
 
     def report(self, preview_id: str, seed: int = 0, visitor: str = "owner") -> None:
         self.reports.report(preview_id, PreviewRequest(seed=seed), Asker(visitor=visitor))
@@ -92,9 +92,9 @@ def site_with(tmp_path: Path) -> Iterator[SiteWith]:
     with ExitStack() as sites:
 
         def make(**settings: Any) -> Site:
-            chosen = Settings(**{"data_dir": tmp_path / "here", **settings})
-            copy_tables(chosen)
-            return sites.enter_context(closing(Site(chosen)))
+            chosen_settings = Settings(**{"data_dir": tmp_path / "here", **settings})
+            copy_tables(chosen_settings)
+            return sites.enter_context(closing(Site(chosen_settings)))
 
         yield make
 
@@ -137,17 +137,17 @@ def test_superfluous_with_many_small_previews_returns_the_oldest_of_the_largest_
 def test_reports_of_strangers_leave_the_uploader_its_own(
     site_with: SiteWith, each_settings: Settings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    most = 20
-    monkeypatch.setattr(preview_reports, "MAX_OPTION_SETS", most)
+    maximum = 20
+    monkeypatch.setattr(preview_reports, "MAX_OPTION_SETS", maximum)
     site = site_with(database_url=each_settings.database_url)
     preview_id = site.add()
-    for seed in range(most):
+    for seed in range(maximum):
         site.report(preview_id, seed, "stranger")
     with pytest.raises(TooMany):
         site.report(preview_id, 1000, "another")
     site.report(preview_id, 1001)
     (stored,) = site.previews._sizes()
-    assert stored.own < 64 * 1024 < most * 4096 <= stored.foreign
+    assert stored.own < 64 * 1024 < maximum * 4096 <= stored.foreign
 
 
 def test_reports_that_fail_count_once(site_with: SiteWith) -> None:
@@ -186,15 +186,15 @@ def test_sweep_deletes_files_without_a_row_and_rows_without_files(site_with: Sit
     site = site_with()
     for name in ("of-an-earlier-version", ".being-fetched"):
         (site.settings.previews_dir / name).mkdir()
-    kept, lost, new = site.add(), site.add(), site.add()
+    kept_preview, lost, new = site.add(), site.add(), site.add()
     for preview_id in (lost, new):
         (site.previews.directory(preview_id) / "input").parent.rename(
             site.settings.root / preview_id
         )
     site.age(lost, MIN_LOST_AGE_S + 1)
     site.previews.sweep()
-    assert site.names == {kept, ".being-fetched"}
-    assert site.previews._ids() == {kept, new}
+    assert site.names == {kept_preview, ".being-fetched"}
+    assert site.previews._ids() == {kept_preview, new}
 
 
 def test_sweep_leaves_the_newest_uploads_until_they_are_read(site_with: SiteWith) -> None:
@@ -210,19 +210,22 @@ def test_sweep_leaves_the_newest_uploads_until_they_are_read(site_with: SiteWith
 
 def test_flood_of_previews_leaves_those_of_others(site_with: SiteWith) -> None:
     site = site_with(previews_bytes=8 * MIB)
-    mine = site.add("a", size=MIB)
+    own_preview = site.add("a", size=MIB)
     flood = [site.add("b", size=MIB) for _ in range(12)]
     site.previews.sweep()
-    assert site.exists(mine) and not site.exists(flood[0])
+    assert site.exists(own_preview) and not site.exists(flood[0])
 
 
 def test_key_differs_for_each_option() -> None:
     changes: dict[str, Any] = {"modules": 64, "method": "exact", "ends": "surface", "seed": 1}
     changes |= {"repair": True, "as_voxels": True, "path": False, "start": (0, 0, 0)}
     changes |= {"module": "tetrahedron", "world": "table", "quick": True}
-    others = [PreviewRequest(**{name: value}) for name, value in changes.items()]
-    assert len(others) == len(fields(PreviewRequest))
-    assert len({options.key for options in (PreviewRequest(), *others)}) == len(others) + 1
+    other_preview_requests = [PreviewRequest(**{name: value}) for name, value in changes.items()]
+    assert len(other_preview_requests) == len(fields(PreviewRequest))
+    assert (
+        len({options.key for options in (PreviewRequest(), *other_preview_requests)})
+        == len(other_preview_requests) + 1
+    )
 
 
 def test_row_of_unknown_id_raises(tmp_path: Path) -> None:
@@ -237,29 +240,29 @@ def test_previews_in_an_object_store_are_fetched_and_deleted_everywhere(
     bucket_url: str, tmp_path: Path
 ) -> None:
     shared = {"storage_url": bucket_url, "database_url": f"sqlite:///{tmp_path / 'rows.db'}"}
-    one, other = (Site(Settings(data_dir=tmp_path / name, **shared)) for name in ("a", "b"))
-    with closing(one), closing(other):
-        small, large, owner = one.add(), one.add(size=600_000), new_owner()
-        one.report(large)
-        assert (other.previews.directory(large) / "input").stat().st_size == 600_000
+    first, second = (Site(Settings(data_dir=tmp_path / name, **shared)) for name in ("a", "b"))
+    with closing(first), closing(second):
+        small, large, small_owner = first.add(), first.add(size=600_000), new_owner()
+        first.report(large)
+        assert (second.previews.directory(large) / "input").stat().st_size == 600_000
         key = PreviewRequest(seed=3).key
-        one.report(large, 3)
-        assert read_report(other.previews.place(large, key)) == {"cells": []}
-        mine = other.add(owner=owner)
-        assert one.exists(mine)
-        storage = one.store.folders.storage
+        first.report(large, 3)
+        assert read_report(second.previews.place(large, key)) == {"cells": []}
+        own_preview = second.add(owner=small_owner)
+        assert first.exists(own_preview)
+        storage = first.store.folders.storage
         assert storage is not None
         (tmp_path / "stray").mkdir()
         (tmp_path / "stray" / "input").write_bytes(b"")
         storage.keep("previews/stray", tmp_path / "stray")
-        other.previews.remove(mine, owner)
-        other.previews.sweep()  # objects without a row
+        second.previews.remove(own_preview, small_owner)
+        second.previews.sweep()  # objects without a row
         assert set(storage.below("previews")) == {small, large}
-        one.age(large, 2 * one.settings.preview_keep_s)
-        one.previews.sweep()
-        other.previews.sweep()
-        assert set(storage.below("previews")) == one.names == {small}
-        assert large not in other.names and not other.exists(large)
+        first.age(large, 2 * first.settings.preview_keep_s)
+        first.previews.sweep()
+        second.previews.sweep()
+        assert set(storage.below("previews")) == first.names == {small}
+        assert large not in second.names and not second.exists(large)
 
 
 def test_damaged_report_is_computed_again(site_with: Callable[..., Site]) -> None:
@@ -268,9 +271,15 @@ def test_damaged_report_is_computed_again(site_with: Callable[..., Site]) -> Non
     site.report(preview_id)
     place = site.previews.place(preview_id, PreviewRequest().key)
     file = place / "report.json"
-    whole = file.read_bytes()
-    for damaged in (b"{}", b'{"has_path": 1}', whole[:-1], whole.replace(b"cells", b"cellt"), b""):
+    file_bytes = file.read_bytes()
+    for damaged in (
+        b"{}",
+        b'{"has_path": 1}',
+        file_bytes[:-1],
+        file_bytes.replace(b"cells", b"cellt"),
+        b"",
+    ):
         file.write_bytes(damaged)
         assert read_report(place) is None
         site.report(preview_id)
-        assert file.read_bytes() == whole
+        assert file.read_bytes() == file_bytes

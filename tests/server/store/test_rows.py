@@ -18,16 +18,16 @@ from tests.server.rows import a_fold, new_owner
 OWNER = new_owner()
 
 
-def row(key: str | None = None, **more: object) -> FoldRow:
+def row(key: str | None = None, **extra: object) -> FoldRow:
     """Return a row of a queued fold."""
     usual: dict[str, object] = {"name": "snake", "status": "queued", "visitor": "somebody"}
-    return a_fold(**usual | {"content_key": key} | more)
+    return a_fold(**usual | {"content_key": key} | extra)
 
 
 def rows_in(store: Store, *rows: FoldRow) -> list[FoldRow]:
     """Add rows, each of an owner of its own, and return them."""
-    for each in rows:
-        store.add(each, new_owner())
+    for fold_row in rows:
+        store.add(fold_row, new_owner())
     return list(rows)
 
 
@@ -35,8 +35,8 @@ def test_content_keys_secrets_and_ids_are_checked(store: Store) -> None:
     first, second = row("key"), row("key")
     assert store.add(first, new_owner())
     assert not store.add(second, new_owner())
-    found = store.ask("key", new_owner())
-    assert found is not None and found.id == first.id
+    asked_fold = store.ask("key", new_owner())
+    assert asked_fold is not None and asked_fold.id == first.id
     assert store.secret("visitors", b"first") == b"first"
     assert store.secret("visitors", b"second") == b"first"
     assert store.secret("others", b"third") == b"third"
@@ -93,12 +93,14 @@ def test_requested_fold_is_never_one_that_is_just_cancelled(each_store: Store) -
                 ready.wait()
                 return do()
 
-            found = threads.submit(run_together, partial(store.ask, fold.content_key, second))
+            pending_fold = threads.submit(
+                run_together, partial(store.ask, fold.content_key, second)
+            )
             cancelled = threads.submit(run_together, partial(store.cancel, fold.id, first))
             started = threads.submit(run_together, partial(store.begin, fold.id, "read", "one"))
-            asked, stopped, _ = found.result(), cancelled.result(), started.result()
+            request, stopped, _ = pending_fold.result(), cancelled.result(), started.result()
             ended = store.fold(fold.id)
-            assert (asked is None) == stopped == ended.cancel_requested
+            assert (request is None) == stopped == ended.cancel_requested
             outcomes.add((ended.cancel_requested, ended.status))
     assert outcomes <= {(True, "cancelled"), (True, "running"), (False, "running")}
 
@@ -129,23 +131,23 @@ def order(store: Store, folds: list[FoldRow]) -> list[str]:
 
 def test_places_in_the_queue_and_the_waits_for_them(store: Store) -> None:
     folds = rows_in(store, *(row(modules=160, created_at=float(i)) for i in range(3)))
-    each = folds[0].cost_s
+    cost_s = folds[0].cost_s
     assert [store.ahead(f)[0] for f in folds] == [1, 2, 3]
     place, ahead_s, running_s, *_ = store.ahead(store.fold(folds[2].id))
-    assert (place, ahead_s, running_s) == (3, pytest.approx(2 * each), 0.0)
+    assert (place, ahead_s, running_s) == (3, pytest.approx(2 * cost_s), 0.0)
     store.begin(folds[0].id, "read", "one")
     assert [store.ahead(f)[0] for f in folds[1:]] == [1, 2]
     assert store.waiting() == [(fold.visitor, fold.cost_s) for fold in folds]
     place, ahead_s, running_s, *_ = store.ahead(store.fold(folds[2].id))
-    assert (place, ahead_s) == (2, pytest.approx(each))
-    assert 0.0 < running_s <= each
+    assert (place, ahead_s) == (2, pytest.approx(cost_s))
+    assert 0.0 < running_s <= cost_s
     expected = pytest.approx((ahead_s + running_s) / 2)
     assert wait_s(ahead_s=ahead_s, running_s=running_s, at_once=2) == expected
     assert wait_s(ahead_s=ahead_s, running_s=running_s, at_once=0) is None
 
 
 @pytest.mark.parametrize(
-    ("patient", "overtaking", "least"),
+    ("patient", "overtaking", "minimum"),
     [
         ({"modules": 280}, {"modules": 64}, 4),
         ({"modules": 160, "preset": "direct"}, {"modules": 64, "prefer": "time"}, 1),
@@ -153,7 +155,7 @@ def test_places_in_the_queue_and_the_waits_for_them(store: Store) -> None:
     ids=["long", "baseline"],
 )
 def test_long_fold_is_overtaken_a_limited_number_of_times(
-    store: Store, patient: dict[str, Any], overtaking: dict[str, Any], least: int
+    store: Store, patient: dict[str, Any], overtaking: dict[str, Any], minimum: int
 ) -> None:
     (long,) = rows_in(store, row(visitor="patient", **patient))
     for served in range(100):
@@ -162,7 +164,7 @@ def test_long_fold_is_overtaken_a_limited_number_of_times(
             break
         store.begin(short.id, "read", "one")
         store.finish(short.id, "verified", summary={})
-    assert least <= served < 99
+    assert minimum <= served < 99
 
 
 TURNS: dict[str, list[dict[str, Any]]] = {
@@ -224,8 +226,8 @@ def test_fold_makes_room_only_for_folds_that_wait_for_it(
     store: Store, modules: int, waiting: list[int], cheaper: bool, over: bool
 ) -> None:
     fold, _ = a_running_fold(store, modules=modules)
-    for each in waiting:
-        store.add(row(visitor="another", modules=each), new_owner())
+    for waiting_fold in waiting:
+        store.add(row(visitor="another", modules=waiting_fold), new_owner())
     assert store.others_wait(fold.id, spent_s=1.0, cheaper=cheaper) == over
 
 
@@ -266,11 +268,11 @@ def test_slice_ends_when_its_time_is_over_and_another_fold_waits(store: Store) -
     part = Slice(store, fold.id, epoch, clock=lambda: now[0])
     now[0] = 100.0
     assert not part.over(), "no other fold waits"
-    other = row(visitor="another", modules=16)
-    store.add(other, new_owner())
+    other_row = row(visitor="another", modules=16)
+    store.add(other_row, new_owner())
     assert not part.over(), "the queue was looked at a moment ago"
     now[0] += SLICE_POLL_S
     assert part.over()
     assert part.pause()
     assert store.fold(fold.id).cost_s == 100.0 + SLICE_POLL_S
-    assert store.ahead(store.fold(other.id))[0] == 1
+    assert store.ahead(store.fold(other_row.id))[0] == 1
