@@ -33,8 +33,8 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 http_transports.create_ssl_context = cache(http_transports.create_ssl_context)
 
 
-async def _call(function: Callable[..., Any], *given: Any, **named: Any) -> Any:
-    return function(*given, **named)
+async def _call(function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
+    return function(*arguments, **named)
 
 
 # zarr passes each chunk and each file to another thread, which takes a quarter of the processor

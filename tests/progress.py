@@ -13,9 +13,9 @@ class Progress:
 
     def __init__(self, config: pytest.Config) -> None:
         self._config = config
-        self._begun = time.monotonic()
+        self._start_s = time.monotonic()
         self._over = 0
-        self._told = 0
+        self._reported_share = 0
         self._failed = 0
 
     @pytest.hookimpl(tryfirst=True)
@@ -39,9 +39,9 @@ class Progress:
         self._over += 1
         every = terminal._session.testscollected
         share = STEP * (100 * self._over // every // STEP)
-        if share > self._told:
-            self._told = share
-            seconds = time.monotonic() - self._begun
+        if share > self._reported_share:
+            self._reported_share = share
+            seconds = time.monotonic() - self._start_s
             failed = f", {self._failed} failed" if self._failed else ""
             terminal.ensure_newline()
             terminal.write_line(

@@ -46,8 +46,8 @@ class Tool:
         Raises:
             MissingToolError: If it cannot be installed; the error names the command to do so.
         """
-        if found := self.find() or _install([self]).get(self.name):
-            return found
+        if program := self.find() or _install([self]).get(self.name):
+            return program
         raise MissingToolError(_words([self]))
 
 
@@ -63,13 +63,13 @@ def _starts_chromium(path: str) -> bool:
 
 def _find_chromium() -> str | None:
     named = os.environ.get("FOLDBACK_CHROMIUM")
-    found = [named] if named else [path for name in CHROMIUMS if (path := shutil.which(name))]
-    if not (named or found):
+    programs = [named] if named else [path for name in CHROMIUMS if (path := shutil.which(name))]
+    if not (named or programs):
         from playwright.sync_api import sync_playwright
 
         with sync_playwright() as playwright:
-            found = [playwright.chromium.executable_path]
-    return next((path for path in found if _starts_chromium(path)), None)
+            programs = [playwright.chromium.executable_path]
+    return next((path for path in programs if _starts_chromium(path)), None)
 
 
 def _download_chromium() -> None:
@@ -147,7 +147,7 @@ def _install(missing: list[Tool]) -> dict[str, str]:
         if tool.download and not tool.find():
             print(f"Downloading {tool.name}, once …", file=sys.stderr)
             tool.download()
-    return {tool.name: found for tool in missing if (found := tool.find())}
+    return {tool.name: program for tool in missing if (program := tool.find())}
 
 
 def _words(missing: list[Tool]) -> str:
@@ -162,8 +162,8 @@ def main() -> None:
     """Install missing programs."""
     missing = [tool for tool in TOOLS if not tool.find()]
     if missing:
-        found = _install(missing)
-        if missing := [tool for tool in missing if tool.name not in found]:
+        installed = _install(missing)
+        if missing := [tool for tool in missing if tool.name not in installed]:
             sys.exit(_words(missing))
 
 

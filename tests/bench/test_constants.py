@@ -19,7 +19,7 @@ def test_a_varied_constant_changes_where_it_is_imported_and_returns() -> None:
     homes = (reference_curve, window_trajectory)
     usual = [home.REFERENCE_CLEARANCE_PITCH for home in homes]
     with pytest.raises(ZeroDivisionError), varied(homes[0], "REFERENCE_CLEARANCE_PITCH", 0.5):
-        assert [home.REFERENCE_CLEARANCE_PITCH for home in homes] == [0.5 * each for each in usual]
+        assert [home.REFERENCE_CLEARANCE_PITCH for home in homes] == [0.5 * step for step in usual]
         raise ZeroDivisionError
     assert [home.REFERENCE_CLEARANCE_PITCH for home in homes] == usual
 

@@ -56,7 +56,7 @@ def test_experiments_are_run_once_and_reported(
     files, paper = tmp_path / "paper", tmp_path / "reproduction.md"
     reproduce(list(tiny), tiny, files)
     tell(tiny, files, paper)
-    good, bad = (stored_runs(files / "runs.jsonl")[one.id] for one in tiny)
+    good, bad = (stored_runs(files / "runs.jsonl")[tiny_fold.id] for tiny_fold in tiny)
     assert good.verified and good.overlap is None and good.playback is not None
     assert good.playback.simulated_s == pytest.approx(0.01 * good.playback.steps, abs=0.1)
     assert not bad.verified and bad.overlap is not None and bad.stuck_frame is not None
@@ -69,7 +69,10 @@ def test_experiments_are_run_once_and_reported(
     assert marked[0] == 0 and marked[1] > 100
 
     cards = {card["id"]: card for card in page_of(files)["cards"]}
-    assert [cards[one.id]["verdict"] for one in tiny] == ["verified (simulated)", "tangles"]
+    assert [cards[tiny_fold.id]["verdict"] for tiny_fold in tiny] == [
+        "verified (simulated)",
+        "tangles",
+    ]
     assert cards["spiral"]["stuck"] == list(bad.overlap.modules)
     assert "Verified here, tangled in the paper (direct servoing): tiny." in paper.read_text()
     (line,) = (o for o in page_data(files)["overview"] if o["id"] == "direct")
@@ -118,21 +121,21 @@ def test_page_and_document_match_the_stored_runs() -> None:
 
 def test_every_statement_has_experiments_and_every_experiment_one() -> None:
     every = experiments()
-    assert len({one.id for one in every}) == len(every)
-    assert {one.statement for one in every} == {statement.id for statement in STATEMENTS}
-    ids = {one.id for one in every}
-    assert {one.start for one in every if one.start} <= ids
+    assert len({fold.id for fold in every}) == len(every)
+    assert {fold.statement for fold in every} == {statement.id for statement in STATEMENTS}
+    ids = {fold.id for fold in every}
+    assert {fold.start for fold in every if fold.start} <= ids
     assert {name for s in STATEMENTS for pair in s.pairs for name in pair} <= ids
 
 
 def test_chosen_shapes_differ() -> None:
     names, rows = measured()
     scaled = (rows - rows.mean(axis=0)) / rows.std(axis=0)
-    away = np.linalg.norm(scaled[:, None] - scaled[None], axis=-1)
-    np.fill_diagonal(away, np.inf)
-    chosen = [names.index(name) for name in different_shapes()]
-    assert len(set(chosen)) == CHOSEN_SHAPES
-    assert away[np.ix_(chosen, chosen)].min() > np.median(away.min(axis=0))
+    distance = np.linalg.norm(scaled[:, None] - scaled[None], axis=-1)
+    np.fill_diagonal(distance, np.inf)
+    indexes = [names.index(name) for name in different_shapes()]
+    assert len(set(indexes)) == CHOSEN_SHAPES
+    assert distance[np.ix_(indexes, indexes)].min() > np.median(distance.min(axis=0))
 
 
 @pytest.mark.parametrize(
@@ -148,12 +151,12 @@ def test_chosen_shapes_differ() -> None:
     ],
 )
 def test_threshold_of_failing_sizes_is_reported(verified: dict[int, bool], words: str) -> None:
-    every = [one for one in experiments() if one.statement == "threshold"]
+    every = [experiment for experiment in experiments() if experiment.statement == "threshold"]
     (stored,) = (run for run in stored_runs(PAPER / "runs.jsonl").values() if run.id == "wrench-24")
     runs = {
-        one.id: replace(stored, asked=one.asked, modules=n, verified=verified[n])
-        for one in every
-        if (n := int(one.shape.rpartition("-")[2])) in verified
+        fold.id: replace(stored, asked=fold.asked, modules=n, verified=verified[n])
+        for fold in every
+        if (n := int(fold.shape.rpartition("-")[2])) in verified
     }
     page = told(runs, tuple(every))
     assert page_section(page, "threshold")["found"] == words

@@ -11,7 +11,7 @@ def test_folds_that_needed_the_portfolio_are_shown() -> None:
         return {**named, "verified": verified, "attempts": attempts, "cpu s": 2.0}
 
     section = section_of([row("a", True, 1), row("b", True, 3), row("c", False, 6)])
-    assert [found["shape"] for found in section.rows] == ["b", "c"]
+    assert [computed_row["shape"] for computed_row in section.rows] == ["b", "c"]
     figures = {figure.name: (figure.value, figure.met) for figure in section.figures}
     assert figures["gallery: verified at once"] == ("1 of 3 (33.3 %)", False)
     assert figures["gallery: verified with the portfolio"] == ("2 of 3", False)

@@ -12,10 +12,10 @@ POSITIONS = np.array([(x, 0.0, 0.0) for x in range(6)])
 UPRIGHT = np.tile([1.0, 0.0, 0.0, 0.0], (6, 1))
 
 
-def pixels(colours: np.ndarray, **how: object) -> np.ndarray:
-    module = how.pop("module", CUBE)
+def pixels(colours: np.ndarray, **still_options: object) -> np.ndarray:
+    module = still_options.pop("module", CUBE)
     assert isinstance(module, Module)
-    picture = still(module, POSITIONS, UPRIGHT, colours, size=(240, 150), **how)  # type: ignore[arg-type]
+    picture = still(module, POSITIONS, UPRIGHT, colours, size=(240, 150), **still_options)  # type: ignore[arg-type]
     assert (picture.size, picture.mode) == ((240, 150), "RGBA")
     return np.asarray(picture).astype(int)
 
@@ -32,26 +32,26 @@ def test_only_modules_are_drawn_and_none_is_cut_off(module: Module) -> None:
 def test_colours_are_those_of_the_modules_and_a_part_is_seen_larger() -> None:
     colours = np.tile(np.array(NO_ERROR_RGB, np.uint8), (6, 1))
     colours[2], colours[3] = STALLED_RGB, MAX_ERROR_RGB
-    whole = pixels(colours)
+    whole_pixels = pixels(colours)
     near = pixels(colours, around=POSITIONS[2:4])
-    for least, most in ((0.4, 1.0), (0.0, 0.3)):  # of green in orange, and in red
-        few, many = (
+    for minimum, maximum in ((0.4, 1.0), (0.0, 0.3)):  # of green in orange, and in red
+        coloured_count, count = (
             (
                 (p[..., 3] == 255)
                 & (p[..., 0] - p[..., 2] > 60)
-                & (p[..., 1] >= least * p[..., 0])
-                & (p[..., 1] <= most * p[..., 0])
+                & (p[..., 1] >= minimum * p[..., 0])
+                & (p[..., 1] <= maximum * p[..., 0])
             ).sum()
-            for p in (whole, near)
+            for p in (whole_pixels, near)
         )
-        assert 20 < few < many / 2
+        assert 20 < coloured_count < count / 2
 
 
 def test_flat_shape_is_not_shown_edge_on() -> None:
     """The camera looks along a flat wall by default."""
     grey = np.tile(np.array(NO_ERROR_RGB, np.uint8), (36, 1))
-    away = np.array([np.cos(AZIMUTH_RAD), np.sin(AZIMUTH_RAD), 0.0])
-    out = np.cos(ELEVATION_RAD) * away + [0.0, 0.0, np.sin(ELEVATION_RAD)]
+    distance = np.array([np.cos(AZIMUTH_RAD), np.sin(AZIMUTH_RAD), 0.0])
+    out = np.cos(ELEVATION_RAD) * distance + [0.0, 0.0, np.sin(ELEVATION_RAD)]
     along = np.array([-np.sin(AZIMUTH_RAD), np.cos(AZIMUTH_RAD), 0.0])
     wall = np.array([x * out + y * along for x in range(6) for y in range(6)])
     upright = np.tile([1.0, 0.0, 0.0, 0.0], (36, 1))

@@ -84,9 +84,9 @@ class Chromium:
         Its process and its cache remain: loading a fold's page takes half as long as in a new tab.
         """
         context = page.context
-        for other in context.pages:
-            if other is not page:
-                other.close()
+        for other_page in context.pages:
+            if other_page is not page:
+                other_page.close()
         context.set_offline(False)
         context.unroute_all()
         page.unroute_all()
@@ -148,9 +148,9 @@ def visiting(service: Service) -> Generator[Visit]:
         **options: Any,
     ) -> Page:
         look = {name: options.pop(name, usual) for name, usual in MEDIA.items()}
-        again = script is None and not options
-        page = SHARED_BROWSER.tab(site, view=view, used=again, **options)
-        opened.append((page, view, again))
+        is_plain = script is None and not options
+        page = SHARED_BROWSER.tab(site, view=view, used=is_plain, **options)
+        opened.append((page, view, is_plain))
         page.set_viewport_size({"width": width, "height": height})
         page.emulate_media(**look)
         page.on("pageerror", note)
@@ -160,10 +160,10 @@ def visiting(service: Service) -> Generator[Visit]:
         return page
 
     yield open_page
-    for page, view, again in opened:
+    for page, page_view, is_plain_page in opened:
         page.remove_listener("pageerror", note)
-        if again and page.url.startswith(site) and not page.is_closed():
-            SHARED_BROWSER.recycle(page, view=view)
+        if is_plain_page and page.url.startswith(site) and not page.is_closed():
+            SHARED_BROWSER.recycle(page, view=page_view)
         else:
             page.context.close()
     assert not [error for error in thrown if "/static/" in error]
@@ -233,14 +233,14 @@ def resize(page: Page, width: int, height: int) -> None:
 
 def overflowing(page: Page) -> dict[int, list[str]]:
     """Return what is wider than its panel at each of ``WIDTHS`` where something is."""
-    before, found = page.viewport_size, {}
+    before, frame_sizes = page.viewport_size, {}
     assert before is not None
     for width in WIDTHS:
         resize(page, width, before["height"])
         if wide := page.evaluate(OVERFLOWING):
-            found[width] = wide
+            frame_sizes[width] = wide
     page.set_viewport_size(before)
-    return found
+    return frame_sizes
 
 
 def choose(page: Page, name: str, data: bytes) -> None:
@@ -328,8 +328,8 @@ def at_frame(page: Page, frame: int) -> None:
 
 
 def shown_frame(page: Page) -> int:
-    found = re.search(r"Frame ([\d\s]+) of", page.locator("#r-frame").inner_text())
-    return int(re.sub(r"\s", "", found[1])) - 1
+    match = re.search(r"Frame ([\d\s]+) of", page.locator("#r-frame").inner_text())
+    return int(re.sub(r"\s", "", match[1])) - 1
 
 
 WAIT_FOR_REST = """async () => {

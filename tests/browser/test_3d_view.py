@@ -53,9 +53,11 @@ def test_view_shows_figures_and_the_path_and_rests(
     before = picture(page)
     menu.select_option("torque")
     expect(page.locator("#legend-high")).to_have_text(re.compile(r"N·m$"))
-    seen = picture(page)
-    assert np.abs(seen - before).max() > 20  # colours have changed
-    assert (seen[..., 0] - seen[..., 1:].max(axis=-1)).max() < 60  # no red, for the colour-blind
+    seen_picture = picture(page)
+    assert np.abs(seen_picture - before).max() > 20  # colours have changed
+    assert (
+        seen_picture[..., 0] - seen_picture[..., 1:].max(axis=-1)
+    ).max() < 60  # no red, for the colour-blind
 
     seek(page, 0)
     menu.select_option("error")

@@ -22,7 +22,7 @@ SCHEMES: dict[Any, dict[str, list[str]]] = {"light": {}, "dark": {"runOnly": ["c
 def findings(page: Page) -> dict[str, list[str]]:
     """Return what axe finds in each state of a page: the rule and the elements that break it."""
     axe = Axe()
-    found: dict[str, list[str]] = {}
+    violations_by_size: dict[str, list[str]] = {}
     for size, (width, height) in SIZES.items():
         page.set_viewport_size({"width": width, "height": height})
         for scheme, rules in SCHEMES.items():
@@ -36,8 +36,8 @@ def findings(page: Page) -> dict[str, list[str]]:
                 for violation in violations
             ]
             if results:
-                found[f"{size}, {scheme}"] = results
-    return found
+                violations_by_size[f"{size}, {scheme}"] = results
+    return violations_by_size
 
 
 PAGES = (
@@ -58,10 +58,10 @@ def test_pages_without_a_fold_are_accessible(visit: Visit, path: str) -> None:
 def test_api_page_is_accessible(visit: Visit) -> None:
     page = visit("/docs")
     page.locator(".opblock").first.wait_for()
-    found = findings(page)
+    computed_findings = findings(page)
     page.locator(".opblock-summary-control").first.click()
     page.locator(".opblock-body").first.wait_for()
-    assert (found, findings(page)) == ({}, {})
+    assert (computed_findings, findings(page)) == ({}, {})
 
 
 def test_paper_with_a_film_is_accessible(visit: Visit) -> None:
@@ -94,21 +94,21 @@ def test_editor_with_a_mistake_is_accessible(visit: Visit) -> None:
     page = visit("/shapes/new")
     page.get_by_label("Letter S").click()
     page.locator('[data-tool="move"]').click()
-    found = findings(page)
+    computed_findings = findings(page)
     page.locator('[data-tool="path"]').click()
     page.locator('[data-x="2"][data-y="2"]').click()
     page.locator('[data-x="0"][data-y="0"]').click()
     expect(page.locator("#message")).not_to_be_empty()
-    assert (found, findings(page)) == ({}, {})
+    assert (computed_findings, findings(page)) == ({}, {})
 
 
 def test_axe_finds_broken_elements(visit: Visit) -> None:
     page = visit("/folds/nosuchfold")
     page.locator(".message > p").first.evaluate("p => { p.style.color = '#777'; }")
     page.locator(".mark").evaluate("mark => { mark.ariaLabel = ''; mark.textContent = ''; }")
-    found = findings(page)
-    assert set(found) == {f"{size}, {scheme}" for size in SIZES for scheme in SCHEMES}
-    assert [text.partition(":")[0] for text in found["phone, light"]] == [
+    computed_findings = findings(page)
+    assert set(computed_findings) == {f"{size}, {scheme}" for size in SIZES for scheme in SCHEMES}
+    assert [text.partition(":")[0] for text in computed_findings["phone, light"]] == [
         "color-contrast",
         "link-name",
     ]
@@ -130,18 +130,18 @@ def test_preview_is_accessible(visit: Visit) -> None:
     page = visit("/", view=False)
     preview_file(page, "cross.json", voxels(CROSS, name="Cross"))
     page.locator("#repairs .button").first.wait_for()
-    found = [findings(page)]
+    computed_findings = [findings(page)]
     page.goto("/")
     preview_file(page, "brick.stl", stl())
     page.locator("#cover.drawn, #cover.gone").wait_for(state="attached")
     page.locator(".more > summary").click()
     page.locator("#preset").select_option("paper")
     page.locator("#paper-settings > summary").click()
-    found.append(findings(page))
+    computed_findings.append(findings(page))
     page.locator("[name=world][value=table]").check(force=True)
     wait_for_preview(page)
     expect(page.locator("#table-settings")).to_be_visible()
-    assert [*found, findings(page)] == 3 * [{}]
+    assert [*computed_findings, findings(page)] == 3 * [{}]
 
 
 def test_folds_are_accessible(visit: Visit, service: Service, tmp_path: Path) -> None:

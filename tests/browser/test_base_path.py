@@ -29,17 +29,21 @@ def test_pages_below_a_path_ask_for_nothing_beside_it(
 def open_all_pages(base_url: str, browser: Browser) -> None:
     """Open all pages, and play the folds on them."""
     with Client(base_url) as client:
-        fold = min(each.refresh().id for each in client.folds())
+        fold = min(created_fold.refresh().id for created_fold in client.folds())
         assert client.get(fold).verified
     page = browser.new_page(**MEDIA)
     wrong: list[str] = []
     page.on("pageerror", lambda error: wrong.append(str(error)))
     page.on("response", lambda answer: wrong.append(answer.url) if answer.status >= 400 else None)
     fine = re.compile(rf"(blob:|data:|{re.escape(base_url)}/)")
-    page.on("request", lambda asked: None if fine.match(asked.url) else wrong.append(asked.url))
+    page.on(
+        "request", lambda request: None if fine.match(request.url) else wrong.append(request.url)
+    )
     for path in ("/", "/gallery", "/paper", "/benchmarks", "/docs", "/my-folds", "/shapes/new"):
         page.goto(base_url + path, wait_until="networkidle")
-        assert [one for one in page.evaluate(ADDRESSES) if not one.startswith(f"{BASE}/")] == []
+        assert [
+            address for address in page.evaluate(ADDRESSES) if not address.startswith(f"{BASE}/")
+        ] == []
     for path in (f"/embed/{fold}", f"/compare?a={fold}&b={fold}", f"/folds/{fold}"):
         page.goto(base_url + path)
         expect(page.locator("#scrub")).to_be_enabled()

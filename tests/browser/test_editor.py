@@ -63,8 +63,8 @@ def test_letter_is_cut_by_dragging_and_folded(visit: Visit, service: Service) ->
     drag(page, (first["x"] + 9, first["y"] + 9), (last["x"] + 9, last["y"] + 9), steps=8)
     expect(page.locator("#count")).to_have_text("48 modules")  # a stroke from a filled cell erases
     assert overflowing(page) == {}
-    own, blocks = (page.locator(f"label:has([value={how}])") for how in ("path", "no"))
-    own.click()  # takes the tool that draws it
+    own_label, blocks = (page.locator(f"label:has([value={option}])") for option in ("path", "no"))
+    own_label.click()  # takes the tool that draws it
     expect(page.locator("[data-tool=path]")).to_have_attribute("aria-pressed", "true")
     blocks.click()
     page.locator("#fold").click()
@@ -107,17 +107,17 @@ def test_tools_files_and_a_drawn_path(visit: Visit, service: Service) -> None:
     expect(page.locator('[name="exact"][value="path"]')).to_be_checked()
     keys = {(1, 0, 0): "ArrowDown", (-1, 0, 0): "ArrowUp", (0, 1, 0): "ArrowRight"}
     keys |= {(0, -1, 0): "ArrowLeft", (0, 0, 1): "PageUp", (0, 0, -1): "PageDown"}
-    own = [*SPIRAL, [-1, 2, 1], [-1, 1, 1]]
-    steps = np.diff(np.array(own), axis=0)
+    own_cells = [*SPIRAL, [-1, 2, 1], [-1, 1, 1]]
+    steps = np.diff(np.array(own_cells), axis=0)
     page.keyboard.press("Shift+ArrowDown")  # starts at the cursor
     for step in steps.tolist():
         page.keyboard.press(f"Shift+{keys[tuple(step)]}")
-    expect(count).to_have_text(f"The path visits all {len(own)} cells.")
+    expect(count).to_have_text(f"The path visits all {len(own_cells)} cells.")
     expect(page.locator("#checked")).to_contain_text("Computing the fold takes about")
     page.keyboard.press("Backspace")
-    expect(count).to_contain_text(f"{len(own) - 1} of {len(own)} cells")
+    expect(count).to_contain_text(f"{len(own_cells) - 1} of {len(own_cells)} cells")
     page.locator("#complete").click()
-    expect(count).to_have_text(f"The path visits all {len(own)} cells.")
+    expect(count).to_have_text(f"The path visits all {len(own_cells)} cells.")
 
     # Saved and opened again it is the same path, and that path is folded.
     with page.expect_download() as download:
@@ -126,7 +126,9 @@ def test_tools_files_and_a_drawn_path(visit: Visit, service: Service) -> None:
     page.locator("#unpath").click()
     expect(count).to_contain_text("No path yet")
     open_file(page, "own.json", written)
-    expect(page.locator("#reading")).to_have_text(f"own.json: {len(own)} cells along their path.")
+    expect(page.locator("#reading")).to_have_text(
+        f"own.json: {len(own_cells)} cells along their path."
+    )
     page.locator("#fold").click()
     sent = json.loads((service.directory(wait_for_fold(page)) / "input").read_bytes())
     assert sent["format"] == "foldback-path/1"

@@ -23,34 +23,39 @@ def count_objects(page: Page) -> dict[str, int]:
 def test_kiosk_plays_on_without_network_and_returns_from_a_visitor(
     visit: Visit, wrench: str, finished: FinishedFold
 ) -> None:
-    other = finished.id
+    other_id = finished.id
     for folds, status in (("nothing", 404), ("a/b", 422), (",".join(["a"] * 51), 422)):
         assert finished.http.get("/kiosk", params={"folds": folds}).status_code == status
-    page = visit(f"/kiosk?kiosk=10&folds={wrench},{other}", view=False, script=faster(SPEED))
-    shown = page.frame_locator("iframe:not(.coming)")
-    expect(shown.locator("#tour-caption")).to_contain_text("The chain is straight")
+    page = visit(f"/kiosk?kiosk=10&folds={wrench},{other_id}", view=False, script=faster(SPEED))
+    frame_locator = page.frame_locator("iframe:not(.coming)")
+    expect(frame_locator.locator("#tour-caption")).to_contain_text("The chain is straight")
     frame = "iframe[src='/embed/{}?kiosk=10']:not(.coming)"
-    first, second = frame.format(wrench), frame.format(other)
+    first, second = frame.format(wrench), frame.format(other_id)
     if page.locator(second).count():  # a busy machine may already show the second one
         first, second = second, first
     before = count_objects(page)
-    assert shown.locator("a:visible").count() == 0
+    assert frame_locator.locator("a:visible").count() == 0
     assert page.locator("a:visible").count() == 0
-    for one in [*shown.locator("button:visible, input:visible").all(), page.locator("#next")]:
-        box = one.bounding_box()
+    for address in [
+        *frame_locator.locator("button:visible, input:visible").all(),
+        page.locator("#next"),
+    ]:
+        box = address.bounding_box()
         assert box and min(box["width"], box["height"]) >= TARGET_PX
 
     page.context.set_offline(True)
     page.locator("#next").click()
     expect(page.locator("iframe")).to_have_count(1)  # the next one failed to load
     expect(page.locator("#trouble")).to_be_hidden()
-    expect(shown.locator("#tour-count")).to_have_text(re.compile("^[2-9] of"))  # still plays
+    expect(frame_locator.locator("#tour-count")).to_have_text(
+        re.compile("^[2-9] of")
+    )  # still plays
     page.context.set_offline(False)
     expect(page.locator(second)).to_be_visible()
 
-    expect(shown.locator("#tour-run")).to_have_text("Pause")
-    shown.locator(".surface").click()
-    expect(shown.locator("#tour-run")).to_have_text("Play tour")
+    expect(frame_locator.locator("#tour-run")).to_have_text("Pause")
+    frame_locator.locator(".surface").click()
+    expect(frame_locator.locator("#tour-run")).to_have_text("Play tour")
     expect(page.locator(first)).to_be_visible()
     expect(page.locator("iframe")).to_have_count(1)
     third = count_objects(page)
@@ -74,7 +79,7 @@ def test_follower_sees_the_leader_looks_around_and_returns(visit: Visit, wrench:
     link = field.input_value()
 
     follower = visit(f"/c/{link.rpartition('/')[2]}", view=False)
-    words, back = follower.locator(".class-ways span"), follower.locator(".class-ways .primary")
+    words, locator = follower.locator(".class-ways span"), follower.locator(".class-ways .primary")
     frame = follower.locator("#r-frame")
     expect(words).to_have_text("You are following the leader")
     expect(leader.locator(".class-ways span")).to_have_text("1 person is following")
@@ -89,7 +94,7 @@ def test_follower_sees_the_leader_looks_around_and_returns(visit: Visit, wrench:
     expect(words).to_have_text("You are not following the leader")
     leader.evaluate("() => foldback.player.send({ do: 'select', module: 7 })")
     seek(leader, 40)
-    back.click()
+    locator.click()
     expect(frame).to_have_text(re.compile("Frame 41 of"))
     assert follower.evaluate("() => foldback.player.selected") == 7
     for end in connections[0]:
@@ -100,4 +105,4 @@ def test_follower_sees_the_leader_looks_around_and_returns(visit: Visit, wrench:
     assert len(connections) == 2
     leader.goto("/health")
     expect(words).to_have_text(re.compile("The class has ended"))
-    expect(back).to_be_hidden()
+    expect(locator).to_be_hidden()

@@ -33,11 +33,11 @@ def show_stuck_modules(page: Page) -> list[int]:
     if not page.locator("#stuck-more").is_visible():
         page.locator("#stuck-fold").click()
     page.locator("#stuck-go").click()
-    seen = picture(page)
-    found = page.evaluate(HIGHLIGHTED)
-    orange = (seen[..., 0] > 120) & (seen[..., 0] - seen[..., 2] > 90)
-    assert (orange & (seen[..., 1] > 0.35 * seen[..., 0])).sum() > 400
-    return found
+    seen_picture = picture(page)
+    highlighted_modules = page.evaluate(HIGHLIGHTED)
+    orange = (seen_picture[..., 0] > 120) & (seen_picture[..., 0] - seen_picture[..., 2] > 90)
+    assert (orange & (seen_picture[..., 1] > 0.35 * seen_picture[..., 0])).sum() > 400
+    return highlighted_modules
 
 
 def test_impossible_module_size_fails_with_overlap(visit: Visit, service: Service) -> None:
@@ -51,8 +51,8 @@ def test_impossible_module_size_fails_with_overlap(visit: Visit, service: Servic
     expect(page.locator("#stuck-text")).to_contain_text("In the plan, modules")
     assert show_stuck_modules(page) == sorted(place["modules"])
     explosion = state["summary"]["explosion"]["frames"]
-    there = shown_frame(page)
-    assert there == pytest.approx(explosion + place["frame"], abs=1)
+    existing_shown_frame = shown_frame(page)
+    assert existing_shown_frame == pytest.approx(explosion + place["frame"], abs=1)
     # The verdict and the menu lead to the same place.
     for lead in (
         lambda: page.locator("#verdict-go").click(),
@@ -60,7 +60,7 @@ def test_impossible_module_size_fails_with_overlap(visit: Visit, service: Servic
     ):
         page.locator("#folded").fill("0")
         lead()
-        expect(page.locator("#scrub")).to_have_value(str(there))
+        expect(page.locator("#scrub")).to_have_value(str(existing_shown_frame))
     page.locator("#stuck-attempts").click()
     expect(page.locator(".attempts li")).to_have_count(4)
     expect(page.locator(".attempts li").first).to_contain_text("All at once")
@@ -83,22 +83,22 @@ def test_knot_is_drawn_located_and_confirmed(
     drawn = page.locator("#stuck-knot svg")
     assert drawn.get_attribute("aria-label") == "A knot with 3 crossings, determinant 3"
     assert drawn.locator("path").count() == 3
-    found = show_stuck_modules(page)
-    assert found == state["summary"]["stuck"]["modules"]
+    stuck_modules = show_stuck_modules(page)
+    assert stuck_modules == state["summary"]["stuck"]["modules"]
     # The knot is in the middle, between the tails.
-    assert min(found) > TAIL and max(found) < len(walk(tuple(corners))) - TAIL
+    assert min(stuck_modules) > TAIL and max(stuck_modules) < len(walk(tuple(corners))) - TAIL
     assert shown_frame(page) == page.evaluate("() => window.foldback.timeline.last")
     page.locator("#stuck-attempts").click()
-    tried = page.locator(".attempts li")
-    expect(tried).to_have_count(1)  # peeling has only one variant here
-    expect(tried).to_contain_text("the knot's determinant is 3; that of a chain without a")
+    locator = page.locator(".attempts li")
+    expect(locator).to_have_count(1)  # peeling has only one variant here
+    expect(locator).to_contain_text("the knot's determinant is 3; that of a chain without a")
     # Both files are offered, and suffice to confirm the reason.
     expect(page.locator("#attempts code")).to_contain_text("_refusals.py plan.npz record.npz")
     for name in ("plan.npz", "record.npz"):
         link = page.locator(f"#attempts a[download='{name}']").get_attribute("href")
         (tmp_path / name).write_bytes(service.http.get(str(link)).content)
-    found = foldback_check_refusals.check(tmp_path / "plan.npz", tmp_path / "record.npz")
-    assert found["verdict"] == "refusal confirmed", found
+    stuck_modules = foldback_check_refusals.check(tmp_path / "plan.npz", tmp_path / "record.npz")
+    assert stuck_modules["verdict"] == "refusal confirmed", stuck_modules
 
 
 NOTE_COVERS = """addEventListener("DOMContentLoaded", () => {

@@ -80,8 +80,8 @@ def test_fold_is_inspected(visit: Visit, service: Service, wrench: str, view: bo
     assert redness(picture(page)) > 0.0
     error = page.locator("#r-error")
     expect(error).to_have_text(re.compile(r"^Joint error [\d.]+ µrad$"))
-    shown = float(error.inner_text().split()[2])
-    assert shown == pytest.approx(1e6 * largest[high], rel=0.06)  # shown with two digits
+    shown_error = float(error.inner_text().split()[2])
+    assert shown_error == pytest.approx(1e6 * largest[high], rel=0.06)  # shown with two digits
     # Step, by button and by key, with the focus in the page or in the view.
     page.locator("#back").click()
     at_frame(page, high - 1)
@@ -99,10 +99,10 @@ def test_fold_is_inspected(visit: Visit, service: Service, wrench: str, view: bo
     expect(heading).to_contain_text("Module")
     index = int(re.findall(r"\d+", heading.inner_text())[0]) - 1
     cell = np.rint(chain.folded_poses.positions[index]).astype(int)
-    shown = page.locator("#panel-module [data-of=cell]").inner_text().replace("−", "-")
-    assert [int(c) for c in shown.split(", ")] == cell.tolist()
-    seen = picture(page)
-    assert (seen[..., 2] - seen[..., 0]).max() > 60  # the clicked module is blue
+    shown_error = page.locator("#panel-module [data-of=cell]").inner_text().replace("−", "-")
+    assert [int(c) for c in shown_error.split(", ")] == cell.tolist()
+    seen_picture = picture(page)
+    assert (seen_picture[..., 2] - seen_picture[..., 0]).max() > 60  # the clicked module is blue
     page.keyboard.press("ArrowRight")  # the view has the focus now
     at_frame(page, explosion + 1)
     page.wait_for_url(f"**/folds/*#frame={explosion + 2}&module={index + 1}&colour=error")

@@ -25,8 +25,8 @@ from tests.server.service_process import STAIRS, Service
 
 @pytest.mark.long
 def test_paper_settings_are_offered_validated_and_shown(visit: Visit, service: Service) -> None:
-    found = service.preview("stairs.json", json.dumps(STAIRS[:5]))
-    page = visit(found["links"]["page"], width=390, height=844, view=False)
+    preview = service.preview("stairs.json", json.dumps(STAIRS[:5]))
+    page = visit(preview["links"]["page"], width=390, height=844, view=False)
     wait_for_preview(page)
     settings = page.locator("#paper-settings")
     page.locator(".more > summary").click()
@@ -62,7 +62,7 @@ def test_fastest_plan_is_chosen_and_all_are_shown_as_dots_and_rows(
     fold = service.fold(STAIRS, prefer="time")["id"]
     certificate = service.wait_over(fold)["summary"]["certificate"]
     attempts = Plan.load(service.directory(fold) / "plan.npz").attempts
-    times = [each["figures"]["fold_time_s"] for each in attempts if "figures" in each]
+    times = [attempt["figures"]["fold_time_s"] for attempt in attempts if "figures" in attempt]
     assert len(times) > 2 and certificate["fold_time_s"] == min(times)
     page = visit(f"/folds/{fold}", width=375, height=812, view=False)
     page.locator("#details").click()
@@ -110,12 +110,12 @@ def test_upload_folds_on_a_table(visit: Visit, service: Service) -> None:
     )
 
     page = wait_for_view(visit(f"/folds/{fold}#frame=100000", width=1000, height=620))
-    seen = picture(page)
-    assert (np.abs(seen - TABLE).max(axis=-1) < 14).mean() > 0.2
+    seen_picture = picture(page)
+    assert (np.abs(seen_picture - TABLE).max(axis=-1) < 14).mean() > 0.2
     page.locator("#colour-by").select_option("pressed")
     pressed = picture(page)
     expect(page.locator("#legend-high")).to_have_text(re.compile(r"^[\d.]+ × the module’s weight$"))
-    assert np.abs(pressed - seen).max() > 40
+    assert np.abs(pressed - seen_picture).max() > 40
 
     page.locator("#rests").click()
     expect(page.locator("#on-table")).to_contain_text("the first module is clamped to the table")

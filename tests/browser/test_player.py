@@ -89,12 +89,12 @@ def test_range_is_looped_and_linked(page: Page) -> None:
     seek(page, 60)
     page.keyboard.press("o")
     page.wait_for_url(re.compile(r"#frame=61&from=21&to=61$"))
-    begin = page.get_by_role("slider", name="Loop from")
-    expect(begin).to_have_attribute("aria-valuenow", "21")
-    begin.focus()
+    start = page.get_by_role("slider", name="Loop from")
+    expect(start).to_have_attribute("aria-valuenow", "21")
+    start.focus()
     for key in ("ArrowRight", "PageUp", "Shift+ArrowLeft"):
         page.keyboard.press(key)
-    expect(begin).to_have_attribute("aria-valuenow", "22")
+    expect(start).to_have_attribute("aria-valuenow", "22")
     end, track = page.locator("#range-to").bounding_box(), page.locator("#track").bounding_box()
     middle = (track["x"] + track["width"] / 2, end["y"] + 20)
     drag(page, (end["x"] + 12, end["y"] + 20), middle)
@@ -142,9 +142,9 @@ def test_plots_show_figures_and_seek(page: Page, figures: Figures) -> None:
     page.keyboard.press("PageUp")
     page.keyboard.press("ArrowLeft")
     at_frame(page, 49)
-    least = f"{float(f'{figures.min_clearance[49]:.2g}'):g} pitch"
-    expect(plot).to_have_attribute("aria-valuetext", f"Frame 50, smallest clearance {least}")
-    expect(plots.filter(has_text="Smallest clearance").locator("b")).to_have_text(least)
+    minimum = f"{float(f'{figures.min_clearance[49]:.2g}'):g} pitch"
+    expect(plot).to_have_attribute("aria-valuetext", f"Frame 50, smallest clearance {minimum}")
+    expect(plots.filter(has_text="Smallest clearance").locator("b")).to_have_text(minimum)
     with page.expect_download() as download:
         page.get_by_role("button", name="Smallest clearance as CSV").click()
     table = np.genfromtxt(download.value.path(), delimiter=",", names=True)
@@ -154,8 +154,8 @@ def test_plots_show_figures_and_seek(page: Page, figures: Figures) -> None:
     page.mouse.click(box["x"] + 0.75 * box["width"], box["y"] + 20)
     assert shown_frame(page) == pytest.approx(0.75 * (len(figures) - 1), abs=3)
     page.mouse.move(box["x"] + 0.25 * box["width"], box["y"] + 20)
-    where = plots.nth(0).locator(".plot-where")
-    expect(where).to_contain_text(re.compile(r"^frame \d+, [\d.]+ s$"))
+    locator = plots.nth(0).locator(".plot-where")
+    expect(locator).to_contain_text(re.compile(r"^frame \d+, [\d.]+ s$"))
     assert shown_frame(page) > 0.5 * len(figures), "a reading moves nothing"
     larger = page.get_by_role("button", name="Larger view of smallest clearance")
     larger.click()
@@ -181,12 +181,12 @@ def test_slider_seeks_a_share_and_jumps_the_worst_frames(page: Page, figures: Fi
         ]"""
     )
     assert playback <= tightest
-    for where, worst in (
+    for tick_place, worst in (
         ("max_error_rad", np.nanargmax(figures.max_error_rad)),
         ("min_clearance", nearest_frame(tightest)),
         ("peak_torque_nm", playback + np.nanargmax(figures.peak_torque_nm[playback:])),
     ):
-        page.locator("#jump").select_option(where)
+        page.locator("#jump").select_option(tick_place)
         expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {worst + 1} of"))
 
 

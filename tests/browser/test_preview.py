@@ -56,14 +56,14 @@ def test_mesh_is_previewed_changed_and_folded(visit: Visit, service: Service, vi
     expect(page.locator("#preset")).to_be_visible()
     if view:
         wait_for_rest(page)
-        seen = picture(page)
-        assert (warmth(seen) > 40).mean() > 0.003
-        assert (warmth(seen) < -40).mean() > 0.003
+        seen_picture = picture(page)
+        assert (warmth(seen_picture) > 40).mean() > 0.003
+        assert (warmth(seen_picture) < -40).mean() > 0.003
         page.locator("[data-layer=path]").click()
-        assert np.abs(picture(page) - seen).max() > 40
-        seen = picture(page)
+        assert np.abs(picture(page) - seen_picture).max() > 40
+        seen_picture = picture(page)
         page.locator(".surface").press("ArrowLeft")
-        assert np.abs(picture(page) - seen).max() > 40
+        assert np.abs(picture(page) - seen_picture).max() > 40
     number = page.locator("#modules-number")
     number.fill("24")
     number.press("Enter")
@@ -106,9 +106,9 @@ def test_lossy_shape_says_so_at_first_sight(visit: Visit, service: Service) -> N
         resize(page, width, height)
         assert page.evaluate(OUT_OF_SIGHT, LOSSES) == []
     assert overflowing(page) == {}
-    more = page.locator("#reach button").last
-    modules = int(re.sub(r"\D", "", more.inner_text().partition(":")[2]))
-    more.click()
+    extra = page.locator("#reach button").last
+    modules = int(re.sub(r"\D", "", extra.inner_text().partition(":")[2]))
+    extra.click()
     wait_for_preview(page)
     expect(page).to_have_url(re.compile(rf"\?modules={modules}$"))
     snake = page.locator("[name=method][value=snake]")
@@ -117,22 +117,22 @@ def test_lossy_shape_says_so_at_first_sight(visit: Visit, service: Service) -> N
 
 def test_first_result_is_shown_until_the_final_one_is_there(visit: Visit, service: Service) -> None:
     page = visit("/", view=False)
-    held: list[Route] = []
+    routes: list[Route] = []
 
     def hold(route: Route) -> None:
         if b'name="quick"' in (route.request.post_data_buffer or b""):
             route.continue_()
         else:
-            held.append(route)
+            routes.append(route)
 
     page.route("**/api/shapes/preview", hold)
     choose(page, "corner.stl", CORNER)
     expect(page.locator("#verdict")).to_have_text(re.compile("improving…$"))
     expect(page.locator("#fold")).to_have_text(re.compile(r"^Fold about \d+ modules$"))
     expect(page.locator("#fold")).to_be_enabled()
-    wait_until(page, lambda: bool(held))
+    wait_until(page, lambda: bool(routes))
     first = page.locator("#drawing").get_attribute("src")
-    held.pop().continue_()
+    routes.pop().continue_()
     wait_for_preview(page)
     expect(page.locator("#verdict")).to_have_text(re.compile("like your file$"))
     assert page.locator("#drawing").get_attribute("src") != first
@@ -140,8 +140,8 @@ def test_first_result_is_shown_until_the_final_one_is_there(visit: Visit, servic
     page.locator("#modules-number").fill("40")
     page.locator("#modules-number").press("Enter")
     expect(page.locator("#verdict")).to_have_text(re.compile("improving…$"))
-    wait_until(page, lambda: bool(held))
-    held.pop().abort()
+    wait_until(page, lambda: bool(routes))
+    routes.pop().abort()
     wait_for_preview(page)
     expect(page.locator("#verdict")).to_have_text(re.compile("like your file$"))
     expect(page.locator("#fold")).to_be_enabled()

@@ -95,8 +95,8 @@ def test_tour_is_played_edited_and_stored(visit: Visit, service: Service) -> Non
     page.get_by_role("button", name="Save").click()
     expect(page.get_by_text("Tour saved")).to_be_visible()
 
-    other = visit(f"/embed/{folded['id']}#stop=2", view=False)
-    expect(other.locator("#tour-caption")).to_have_text("<b>Here</b> it begins.")
+    other_visits = visit(f"/embed/{folded['id']}#stop=2", view=False)
+    expect(other_visits.locator("#tour-caption")).to_have_text("<b>Here</b> it begins.")
 
     # The tour gives back the colours and the loop that it changed.
     page.get_by_role("button", name="Close", exact=True).click()
@@ -112,9 +112,9 @@ def test_tour_is_played_edited_and_stored(visit: Visit, service: Service) -> Non
     expect(page.locator("#legend-low")).to_have_text("0 K")
     box.get_by_role("button", name="Save with this fold").click()
     expect(box).to_contain_text("Everyone with a link to this fold can see these numbers.")
-    other.evaluate("() => { location.hash = '#colour=own'; }")
-    expect(other.locator("#legend-low")).to_have_text("0 K")
-    expect(other.locator("#colour-by option:checked")).to_have_text("Heat")
+    other_visits.evaluate("() => { location.hash = '#colour=own'; }")
+    expect(other_visits.locator("#legend-low")).to_have_text("0 K")
+    expect(other_visits.locator("#colour-by option:checked")).to_have_text("Heat")
 
     # A way back to the options of the fold; only the owner can delete it.
     page.reload()
@@ -154,8 +154,8 @@ def test_compare_plays_and_turns_two_folds_together(
     page.keyboard.press("Shift+ArrowRight")
     expect(page.locator("#scrub")).to_have_value("10")
 
-    left, right = (side.locator("canvas") for side in sides)
-    before, box = right.screenshot(), left.bounding_box()
+    left_canvas, right = (side.locator("canvas") for side in sides)
+    before, box = right.screenshot(), left_canvas.bounding_box()
     drag(page, (box["x"] + 100, box["y"] + 150), (box["x"] + 160, box["y"] + 190))
     page.wait_for_url(re.compile(r"#frame=11&camera=-?[\d.]+,[\d.]+,1$"))
     assert right.screenshot() != before
@@ -209,9 +209,9 @@ LEVELS = 8
 """Maximum invisible difference between pixel values, 0 to 255."""
 
 
-def different_fraction(one: np.ndarray, other: np.ndarray) -> float:
+def different_fraction(first: np.ndarray, second: np.ndarray) -> float:
     """Return the fraction of pixels in which two pictures differ visibly."""
-    return float((np.abs(one - other).max(axis=-1) > LEVELS).mean())
+    return float((np.abs(first - second).max(axis=-1) > LEVELS).mean())
 
 
 def test_turned_view_is_in_its_link(visit: Visit, wrench: str) -> None:
@@ -245,15 +245,15 @@ def test_view_is_saved_as_a_picture_and_embedded(visit: Visit, blog: Blog, wrenc
     expect(page.get_by_role("link", name="A single HTML file")).to_have_attribute(
         "href", f"/folds/{wrench}/standalone.html"
     )
-    shown = page.locator("main.stage").bounding_box()
-    assert shown
+    bounding_box = page.locator("main.stage").bounding_box()
+    assert bounding_box
     for scale, transparent in ((3, False), (1, True)):
         page.locator("#picture-scale").select_option(str(scale))
         page.locator("#picture-clear").set_checked(transparent)
         with page.expect_download() as download:
             page.locator("#picture-save").click()
         with Image.open(download.value.path()) as saved:
-            size = [scale * shown[side] for side in ("width", "height")]
+            size = [scale * bounding_box[side] for side in ("width", "height")]
             assert saved.size == pytest.approx(size, abs=scale)
             alpha = np.asarray(saved.convert("RGBA"))[..., 3]
         assert (alpha.min() == 0) == transparent

@@ -35,16 +35,16 @@ class Links(HTMLParser):
 
     def __init__(self, path: Path) -> None:
         super().__init__()
-        self.found: set[str] = set()
+        self.addresses: set[str] = set()
         self.places = {""}
         self.feed(path.read_text(encoding="utf-8"))
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         for name, value in attrs:
             if name in ("href", "src", "action") and value and not value.startswith("data:"):
-                self.found.add(value)
+                self.addresses.add(value)
             if name == "data-timeline":
-                self.found.add(f"{value}.js")
+                self.addresses.add(f"{value}.js")
             if name == "id" and value:
                 self.places.add(value)
 
@@ -56,7 +56,7 @@ def test_every_link_of_a_site_leads_to_something_in_it(site_dir: Path) -> None:
     assert {"index.html", "paper.html", "benchmarks.html", fold, "folds/cube.html"} <= names
     reached: set[Path] = set()
     for path, links in pages.items():
-        for link in links.found - {SERVICE}:
+        for link in links.addresses - {SERVICE}:
             name, place = urldefrag(unquote(link))
             target = (path.parent / name).resolve() if name else path
             assert target.is_file() and target.is_relative_to(site_dir), (path, link)
@@ -69,10 +69,10 @@ def test_every_link_of_a_site_leads_to_something_in_it(site_dir: Path) -> None:
     # Only the pages' data name viser's client, and only third-party pages use the element.
     unused = {path for path in site_dir.rglob("*") if path.is_file()} - reached
     # The next site in this directory replaces the files of the list.
-    rest = ("view.html", "foldback-fold.js", ".foldback-files.json")
-    assert unused == {site_dir / name for name in rest}
-    assert SERVICE in pages[site_dir / "index.html"].found
-    assert SERVICE in pages[site_dir / "folds" / "cube.html"].found
+    kept_names = ("view.html", "foldback-fold.js", ".foldback-files.json")
+    assert unused == {site_dir / name for name in kept_names}
+    assert SERVICE in pages[site_dir / "index.html"].addresses
+    assert SERVICE in pages[site_dir / "folds" / "cube.html"].addresses
 
 
 def test_site_plays_from_a_folder_without_a_server(site_dir: Path, browser: Browser) -> None:

@@ -40,15 +40,15 @@ def test_picture_fills_most_of_the_page_at_each_size(visit: Visit, wrench: str, 
         shares[width, height] = page.evaluate(PICTURE_SHARE)
         # It shows the name, the verdict and the buttons, in one row of this order if it is low.
         edges = page.locator("#name, #verdict, #share, .whole > *").evaluate_all(EDGES)
-        assert all(0 <= left < right <= width for left, right in edges), edges
+        assert all(0 <= left_px < right <= width for left_px, right in edges), edges
         assert height > MAX_LOW_HEIGHT_PX or edges == sorted(edges)
     assert {size: share for size, share in shares.items() if share < MIN_PICTURE_SHARE} == {}
     # A button shows the rest.
-    rest = page.locator("#loop, #speed, #jump, #follow, #colour-by").locator("visible=true")
-    expect(rest).to_have_count(0)
+    locator = page.locator("#loop, #speed, #jump, #follow, #colour-by").locator("visible=true")
+    expect(locator).to_have_count(0)
     page.locator("#more").click()
     expect(page.locator("#more")).to_have_attribute("aria-expanded", "true")
-    expect(rest).to_have_count(5)
+    expect(locator).to_have_count(5)
     page.locator("#more").click()
     if kind == "fold":
         for name in ("more", "details", "more"):

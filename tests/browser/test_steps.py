@@ -47,10 +47,10 @@ def test_steps_go_on_and_back_with_the_moving_part_in_colour(
         joint = step.turns[0].module
         ((first, last),) = step.moving
         moving = {colours[i] for i in range(first, last + 1) if i != joint}
-        held = {colours[i] for i in range(step.held[0], step.held[1] + 1) if i != joint}
-        assert len(held) == 1
-        assert moving.isdisjoint(held)
-        assert len({colours[joint], *moving, *held}) == 1 + len(moving) + 1
+        held_colours = {colours[i] for i in range(step.held[0], step.held[1] + 1) if i != joint}
+        assert len(held_colours) == 1
+        assert moving.isdisjoint(held_colours)
+        assert len({colours[joint], *moving, *held_colours}) == 1 + len(moving) + 1
         page.locator("#steps-next").click()
     expect(count).to_have_text("All 3 steps")
     first, last = steps.steps[-1].held

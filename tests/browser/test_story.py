@@ -50,20 +50,20 @@ def test_running_fold_plays_from_its_start_to_the_finished_shape(visit: Visit) -
     button.press("Enter")
     page.wait_for_function(f"() => ({FRAME})() !== {frame}")
 
-    held: list[Route] = []
+    routes: list[Route] = []
 
     def hold(route: Route) -> None:
         if route.request.is_navigation_request():
             route.continue_()
         else:
-            held.append(route)
+            routes.append(route)
 
     page.route(OUTCOME, hold)
     page.locator("#seed").evaluate("seed => { seed.value = 77; }")
     page.locator("[data-shape=wrench-80]").click()
     wait_for_fold(page)
     page.wait_for_function("() => window.foldback?.player.playhead.frame > 9")
-    wait_until(page, lambda: bool(held))
+    wait_until(page, lambda: bool(routes))
     page.unroute(OUTCOME)  # the held requests continue
     page.evaluate("foldback.player.send({ do: 'set', speed: 6 })")  # so that fewer frames are drawn
     page.wait_for_function(AT_LAST_FRAME)

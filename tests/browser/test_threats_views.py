@@ -136,7 +136,7 @@ def hostile_clients(page: Page) -> list[Frame]:
 
     The addresses are set as soon as the frames have any: the first client to load takes the scene.
     """
-    found: list[Frame] = []
+    frames: list[Frame] = []
     for view in page.locator("iframe").all():
         expect(view).to_have_attribute(*VIEW_TITLE)
         view.and_(page.locator("[src], [srcdoc]")).wait_for(state="attached")
@@ -144,8 +144,8 @@ def hostile_clients(page: Page) -> list[Frame]:
         element.evaluate(SET_ADDRESS, HOSTILE_QUERY)
         frame = element.content_frame()
         assert frame
-        found.append(wait_for_client(frame))
-    return found
+        frames.append(wait_for_client(frame))
+    return frames
 
 
 VIEW_TITLE = ("title", re.compile("^3D view"))
@@ -171,7 +171,10 @@ def test_view_opened_directly_is_harmless(visit: Visit, address: str) -> None:
 
 @pytest.mark.parametrize(
     "address",
-    ["/folds/{0}", *(pytest.param(each, marks=pytest.mark.long) for each in OTHER_PAGES)],
+    [
+        "/folds/{0}",
+        *(pytest.param(other_page, marks=pytest.mark.long) for other_page in OTHER_PAGES),
+    ],
 )
 def test_view_in_fold_pages_is_harmless(
     visit: Visit, service: Service, wrench: str, address: str

@@ -56,10 +56,10 @@ def test_time_left_is_shown_and_movie_is_stopped(visit: Visit, service: Service)
     page = visit(f"/folds/{fold['id']}", view=False, script=NOTE_VERDICTS)
     expect(page.locator("#verdict")).to_have_attribute("data-tone", "good")
     verdicts = page.evaluate("window.heard")
-    left = re.compile(
+    remaining_pattern = re.compile(
         "· (about [0-9]+ (s|min) left|a few seconds left|takes longer than usual|slow, because .*)"
     )
-    assert any(left.search(text) for text in verdicts), verdicts
+    assert any(remaining_pattern.search(text) for text in verdicts), verdicts
     service.wait_over(ahead["id"])
 
     open_tab(page, "downloads")

@@ -63,8 +63,8 @@ def make_base_image(builder: Builder, place: Path) -> None:
     root = place / "base"
     if not (root / "usr/bin/python3").exists():
         shutil.rmtree(root, ignore_errors=True)
-        wanted = f"--include={','.join(BASE_PACKAGES)}"
-        command = ["debootstrap", "--variant=minbase", wanted, "bookworm", str(root), MIRROR]
+        expected = f"--include={','.join(BASE_PACKAGES)}"
+        command = ["debootstrap", "--variant=minbase", expected, "bookworm", str(root), MIRROR]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     # The build trusts this machine's certificates, because some networks have their own.
     trusted = os.environ.get("SSL_CERT_FILE") or ssl.get_default_verify_paths().cafile
@@ -94,8 +94,8 @@ def try_out(builder: Builder) -> None:
     check("it says whether it is well", "/health" in str(config["Healthcheck"]["Test"]))
     container = builder("from", "--pull-never", "foldback:local")
     try:
-        who = builder("run", container, "--", "id", "-u")
-        check("that user is who it is", who == "10001")
+        owner_ids = builder("run", container, "--", "id", "-u")
+        check("that user is who it is", owner_ids == "10001")
         can = "test -w /data && ! test -w /opt/foldback && ! test -w /etc && echo yes"
         check(
             "it may write its data alone", builder("run", container, "--", "sh", "-c", can) == "yes"
@@ -142,22 +142,22 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--place", type=Path, default=Path("/var/tmp/foldback-build"))
     options.add_argument("--keep", action="store_true", help="Keep base and images.")
-    given = options.parse_args()
+    parsed = options.parse_args()
     if os.geteuid() != 0 or not shutil.which("apt-get"):
         sys.exit("This needs root on a Debian: it installs packages and runs in a chroot.")
     if not all(shutil.which(name) for name in PACKAGES):
         subprocess.run(["apt-get", "update", "-qq"], check=True)
         install = ["apt-get", "install", "-qq", "--yes", "--no-install-recommends", *PACKAGES]
         subprocess.run(install, check=True, stdout=subprocess.DEVNULL)
-    given.place.mkdir(parents=True, exist_ok=True)
-    builder = Builder(given.place)
+    parsed.place.mkdir(parents=True, exist_ok=True)
+    builder = Builder(parsed.place)
     try:
-        make_base_image(builder, given.place)
+        make_base_image(builder, parsed.place)
         build(builder)
         try_out(builder)
     finally:
-        if not given.keep:
-            shutil.rmtree(given.place, ignore_errors=True)
+        if not parsed.keep:
+            shutil.rmtree(parsed.place, ignore_errors=True)
 
 
 if __name__ == "__main__":

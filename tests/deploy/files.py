@@ -35,13 +35,13 @@ def variables(name: str = "compose.example.env") -> dict[str, str]:
     return dict(line.split("=", 1) for line in lines if line and not line.startswith("#"))
 
 
-def compose(given: Mapping[str, str]) -> dict[str, Any]:
+def compose(arguments: Mapping[str, str]) -> dict[str, Any]:
     """Return compose.yaml with its variables replaced, as compose does it."""
 
     def value(match: re.Match[str]) -> str:
         name, operator, default = match.groups()
-        if name in given:
-            return given[name]
+        if name in arguments:
+            return arguments[name]
         assert operator == ":-", f"{name} is not in compose.example.env"
         return default
 
@@ -49,8 +49,8 @@ def compose(given: Mapping[str, str]) -> dict[str, Any]:
     return yaml.safe_load(re.sub(r"\$\{([A-Z0-9_]+)(?:(:-|:\?)([^}]*))?\}", value, text))
 
 
-def check(what: str, passed: bool) -> None:
+def check(check_name: str, passed: bool) -> None:
     """Print the result of a check, and exit if it failed."""
-    print(f"{'ok ' if passed else 'NOT'} {what}", flush=True)
+    print(f"{'ok ' if passed else 'NOT'} {check_name}", flush=True)
     if not passed:
         sys.exit(1)

@@ -15,10 +15,10 @@ CADDYFILE = Path(__file__).parents[2] / "deploy" / "Caddyfile"
 
 
 def free_ports(count: int) -> list[int]:
-    held = [socket.create_server(("127.0.0.1", 0)) for _ in range(count)]
-    ports = [each.getsockname()[1] for each in held]
-    for each in held:
-        each.close()
+    servers = [socket.create_server(("127.0.0.1", 0)) for _ in range(count)]
+    ports = [listener.getsockname()[1] for listener in servers]
+    for listener in servers:
+        listener.close()
     return ports
 
 
@@ -28,7 +28,9 @@ class Proxy:
     def __init__(self, place: Path, *upstreams: object, max_body: str) -> None:
         self.log = place / "caddy.log"
         self.port, self.plain_port, health = free_ports(3)
-        addresses = " ".join(str(each).removeprefix("http://").rstrip("/") for each in upstreams)
+        addresses = " ".join(
+            str(upstream).removeprefix("http://").rstrip("/") for upstream in upstreams
+        )
         environment = {
             "PATH": os.environ["PATH"],
             "HOME": str(place),

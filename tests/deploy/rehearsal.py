@@ -37,9 +37,9 @@ TIMEOUT_S = 120.0
 FOLDBACK = (sys.executable, "-P", "-m", "foldback.server.cli.command_line")
 
 
-def run(*command: object, **given: Any) -> str:
+def run(*command: object, **arguments: Any) -> str:
     done = subprocess.run(
-        [str(part) for part in command], capture_output=True, text=True, check=False, **given
+        [str(part) for part in command], capture_output=True, text=True, check=False, **arguments
     )
     assert done.returncode == 0, f"{command}: {done.stdout}{done.stderr}"
     return done.stdout
@@ -49,9 +49,9 @@ def ip(arguments: str) -> None:
     run("ip", *arguments.split())
 
 
-def wait_for(what: str, condition: Callable[[], bool]) -> None:
-    wait_until(condition, lambda: what, (httpx.TransportError, AssertionError, OSError))
-    check(what, True)
+def wait_for(event_name: str, condition: Callable[[], bool]) -> None:
+    wait_until(condition, lambda: event_name, (httpx.TransportError, AssertionError, OSError))
+    check(event_name, True)
 
 
 class Services:
@@ -102,17 +102,19 @@ class Services:
                     address = self.address(replica, network)
                     ip(f"-n {replica} addr add {address}/24 dev {inner}")
                     ip(f"-n {replica} link set {inner} up")
-                    wanted = "front" if service == "web" else "back"
-                    if network == wanted and service != "proxy":
+                    expected = "front" if service == "web" else "back"
+                    if network == expected and service != "proxy":
                         names.append(f"{address} {service}")
         hosts = self.place / "hosts"
         hosts.write_text("\n".join(names) + "\n")
         run("mount", "--bind", hosts, "/etc/hosts")
 
     def environment(self, service: str) -> dict[str, str]:
-        given = self.file["services"][service].get("environment", {})
+        given_environment = self.file["services"][service].get("environment", {})
         # compose replaces variables after it has parsed the YAML: every value is a text.
-        texts = {name: "" if value is None else str(value) for name, value in given.items()}
+        texts = {
+            name: "" if value is None else str(value) for name, value in given_environment.items()
+        }
         return {"PATH": os.environ["PATH"], "HOME": str(self.place), **texts}
 
     def foldback_env(self, replica: str) -> dict[str, str]:
@@ -167,10 +169,10 @@ class Services:
 
 def start_database(services: Services) -> None:
     programs = Path(POSTGRES.get())
-    given = services.environment("database")
+    environment = services.environment("database")
     home = services.place / "database"
     home.mkdir()
-    (home / "password").write_text(given["POSTGRES_PASSWORD"])
+    (home / "password").write_text(environment["POSTGRES_PASSWORD"])
     shutil.chown(home, "postgres", "postgres")
     shutil.chown(home / "password", "postgres", "postgres")
     as_postgres = ("setpriv", "--reuid=postgres", "--regid=postgres", "--clear-groups")
@@ -184,11 +186,11 @@ def start_database(services: Services) -> None:
         file.write("host all all all scram-sha-256\n")
     _, *options = services.file["services"]["database"]["command"]
     server_options = ("-D", home / "cluster", "-h", "*", "-k", home, *options)
-    services.start("database-0", given, *as_postgres, programs / "postgres", *server_options)
+    services.start("database-0", environment, *as_postgres, programs / "postgres", *server_options)
     _, *health_check = services.file["services"]["database"]["healthcheck"]["test"]
     wait_for(
         "its own health check finds the database well",
-        lambda: not subprocess.call(services.inside("database-0", *health_check), env=given),
+        lambda: not subprocess.call(services.inside("database-0", *health_check), env=environment),
     )
     # As the image does it: over the socket, before the first connection from outside.
     (script,) = [
@@ -196,23 +198,25 @@ def start_database(services: Services) -> None:
         for volume in services.file["services"]["database"]["volumes"]
         if volume.endswith(".sh:ro")
     ]
-    socket = {**given, "PATH": f"{programs}:{given['PATH']}", "PGHOST": str(home)}
-    run(*as_postgres, "sh", script, env={**socket, "PGPASSWORD": given["POSTGRES_PASSWORD"]})
+    socket = {**environment, "PATH": f"{programs}:{environment['PATH']}", "PGHOST": str(home)}
+    run(*as_postgres, "sh", script, env={**socket, "PGPASSWORD": environment["POSTGRES_PASSWORD"]})
 
 
 def start_storage(services: Services) -> None:
-    given = services.environment("storage")
-    port = given["VGW_PORT"].removeprefix(":")
+    environment = services.environment("storage")
+    port = environment["VGW_PORT"].removeprefix(":")
     moto = (sys.executable, "-P", "-m", "moto.server", "-H", "0.0.0.0", "-p", port)
-    services.start("storage-0", given, *moto)
+    services.start("storage-0", environment, *moto)
     make_bucket = f"http://storage:{port}/foldback"
     wait_for("the store has a bucket", lambda: httpx.put(make_bucket, timeout=9).is_success)
 
 
 def start_proxy(services: Services) -> ssl.SSLContext:
-    own = {"XDG_DATA_HOME": str(services.place), "XDG_CONFIG_HOME": str(services.place)}
+    own_directories = {"XDG_DATA_HOME": str(services.place), "XDG_CONFIG_HOME": str(services.place)}
     config = ("--config", DEPLOY / "Caddyfile", "--adapter", "caddyfile")
-    services.start("proxy-0", services.environment("proxy") | own, CADDY.get(), "run", *config)
+    services.start(
+        "proxy-0", services.environment("proxy") | own_directories, CADDY.get(), "run", *config
+    )
     root = services.place / "caddy" / "pki" / "authorities" / "local" / "root.crt"
     wait_for("the proxy has a certificate", root.is_file)
     return ssl.create_default_context(cafile=str(root))
@@ -254,8 +258,8 @@ def try_out(services: Services, trusts: ssl.SSLContext) -> None:
         back_up_and_restore(services)
         wait_for("the fold is there again", lambda: http.get(page).is_success)
         check("its plan is the same", http.get(plan).content == before)
-        again = client.fold(SNAKE, seed=2)
-        wait_for("it folds again", lambda: client.get(again.id).status == "verified")
+        second_fold = client.fold(SNAKE, seed=2)
+        wait_for("it folds again", lambda: client.get(second_fold.id).status == "verified")
 
 
 def back_up_and_restore(services: Services) -> None:

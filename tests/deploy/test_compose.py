@@ -30,10 +30,10 @@ def stripped() -> dict[str, Any]:
 
 
 def test_compose_file_is_valid_and_wrong_ones_are_found() -> None:
-    found = PyCompose.from_yaml(yaml.safe_dump(stripped()))
-    found.validate()
+    composed = PyCompose.from_yaml(yaml.safe_dump(stripped()))
+    composed.validate()
     names = {"proxy", "web", "worker", "database", "storage", "prometheus"}
-    assert set(found.service_names()) == names
+    assert set(composed.service_names()) == names
     assert [name for name in names if "profiles" in SERVICES[name]] == ["prometheus"]
 
     web = {**SERVICES["web"], "networks": ["nowhere"]}

@@ -26,17 +26,17 @@ pytestmark = pytest.mark.long
 @pytest.fixture(scope="module")
 def webs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Service]]:
     data = tmp_path_factory.mktemp("behind") / "data"
-    made = [Service(data, port=port, **SETTINGS).start() for port in free_ports(2)]
-    yield made
-    assert [service.stop() for service in made] == [0, 0]
+    starts = [Service(data, port=port, **SETTINGS).start() for port in free_ports(2)]
+    yield starts
+    assert [service.stop() for service in starts] == [0, 0]
 
 
 @pytest.fixture(scope="module")
 def proxy(webs: list[Service], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxy]:
     addresses = [service.http.base_url for service in webs]
-    made = Proxy(tmp_path_factory.mktemp("proxy"), *addresses, max_body="400KiB")
-    yield made
-    made.stop()
+    made_proxy = Proxy(tmp_path_factory.mktemp("proxy"), *addresses, max_body="400KiB")
+    yield made_proxy
+    made_proxy.stop()
 
 
 def test_pages_are_served_over_tls(proxy: Proxy) -> None:
@@ -50,12 +50,14 @@ def test_pages_are_served_over_tls(proxy: Proxy) -> None:
 
 
 def test_answers_with_secrets_are_not_compressed(proxy: Proxy) -> None:
-    own = {"Authorization": f"Bearer {'k' * 24}", "Accept-Encoding": "gzip"}
+    own_headers = {"Authorization": f"Bearer {'k' * 24}", "Accept-Encoding": "gzip"}
     file = {"file": ("path.json", json.dumps(SNAKE))}
-    accepted = proxy.http.post("/api/folds", files=file, headers=own)
+    accepted = proxy.http.post("/api/folds", files=file, headers=own_headers)
     page = f"/folds/{accepted.json()['id']}"
-    answers = [accepted, *(proxy.http.get(p, headers=own) for p in (page, f"/api{page}"))]
-    answers += [proxy.http.get(path, headers=own) for path in ("/api/mine/folds", "/gallery?q=x")]
+    answers = [accepted, *(proxy.http.get(p, headers=own_headers) for p in (page, f"/api{page}"))]
+    answers += [
+        proxy.http.get(path, headers=own_headers) for path in ("/api/mine/folds", "/gallery?q=x")
+    ]
     for answer in answers:
         assert answer.is_success and "content-encoding" not in answer.headers, answer.url
         assert "no-transform" in answer.headers["cache-control"], answer.url
@@ -72,8 +74,8 @@ def test_events_are_streamed_unbuffered(proxy: Proxy) -> None:
             # The first event arrives while the fold still waits; the others follow.
             assert received[0] == "event: progress" and '"queued"' in received[1]
             assert fold.cancel().status == "cancelled"
-            rest = "\n".join(lines)
-    assert "event: done" in rest and '"cancelled"' in rest
+            response = "\n".join(lines)
+    assert "event: done" in response and '"cancelled"' in response
 
 
 def test_web_sockets_are_proxied(proxy: Proxy, webs: list[Service]) -> None:
@@ -142,14 +144,19 @@ def test_forwarded_addresses_of_visitors_are_ignored(proxy: Proxy, webs: list[Se
         events = f"/api/folds/{client.fold(SNAKE, seed=3).id}/events"
     webs[1].stop()  # each process counts separately
     try:
-        with proxy.client("127.0.0.1") as mine, mine.stream("GET", events) as first:
+        with proxy.client("127.0.0.1") as own_client, own_client.stream("GET", events) as first:
             assert first.status_code == 200
             for header in ("X-Forwarded-For", "X-Real-IP", "Forwarded", "X-Client-IP"):
                 for forged in ("203.0.113.7", "203.0.113.7, 127.0.0.1", "for=203.0.113.7"):
-                    with mine.stream("GET", events, headers={header: forged}) as again:
-                        assert again.status_code == 429, (header, forged)
+                    with own_client.stream(
+                        "GET", events, headers={header: forged}
+                    ) as second_permit:
+                        assert second_permit.status_code == 429, (header, forged)
             # The service distinguishes visitors: another one has its own limit.
-            with proxy.client("127.0.0.2") as other, other.stream("GET", events) as theirs:
-                assert theirs.status_code == 200
+            with (
+                proxy.client("127.0.0.2") as other_client,
+                other_client.stream("GET", events) as permit,
+            ):
+                assert permit.status_code == 200
     finally:
         webs[1].start()

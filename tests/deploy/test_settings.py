@@ -8,18 +8,20 @@ from tests.deploy.files import DEPLOY, EXAMPLES, settings_named
 
 @pytest.mark.parametrize("name", [*EXAMPLES, "../docs/deploy.md"])
 def test_named_settings_exist(name: str) -> None:
-    known = {name.upper() for name in Settings.model_fields}
-    assert settings_named((DEPLOY / name).read_text()) <= known
+    expected = {name.upper() for name in Settings.model_fields}
+    assert settings_named((DEPLOY / name).read_text()) <= expected
 
 
 @pytest.mark.parametrize("name", ["compose.example.env", "systemd/foldback.env"])
 def test_example_settings_are_valid(name: str) -> None:
     lines = (DEPLOY / name).read_text().splitlines()
     # Settings that are commented out are examples as well.
-    found = [re.fullmatch(r"#?FOLDBACK_([A-Z_]+)=(\S+)", line) for line in lines]
-    given = [(one[1].lower(), one[2]) for one in found if one]
-    assert len(given) >= 5
-    for setting, value in given:
+    matches = [re.fullmatch(r"#?FOLDBACK_([A-Z_]+)=(\S+)", line) for line in lines]
+    arguments = [
+        (setting_match[1].lower(), setting_match[2]) for setting_match in matches if setting_match
+    ]
+    assert len(arguments) >= 5
+    for setting, value in arguments:
         Settings(**{setting: value})  # pyright: ignore[reportArgumentType]
 
 

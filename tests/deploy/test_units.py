@@ -19,7 +19,7 @@ MAX_EXPOSURE = 20
 @pytest.fixture
 def units(tmp_path: Path) -> list[Path]:
     """Return copies of the units with a program that exists on this machine."""
-    found: list[Path] = []
+    paths: list[Path] = []
     (tmp_path / DROP_IN).parent.mkdir()
     shutil.copy(DEPLOY / "systemd" / DROP_IN, tmp_path / DROP_IN)
     for name in UNITS:
@@ -30,8 +30,8 @@ def units(tmp_path: Path) -> list[Path]:
         if not program.exists():
             program.symlink_to(sys.executable)
         path.write_text(text.replace("/opt/foldback/bin/foldback", str(program)))
-        found.append(path)
-    return found
+        paths.append(path)
+    return paths
 
 
 def analyze(*arguments: object) -> subprocess.CompletedProcess[str]:
@@ -66,17 +66,19 @@ def test_units_drain_before_they_are_killed(name: str) -> None:
 
 def test_units_repeat_nothing_of_their_drop_in() -> None:
     def lines(name: str) -> list[str]:
-        found = (DEPLOY / "systemd" / name).read_text().splitlines()
-        return [line for line in found if line and line[0] not in "#["]
+        computed_lines = (DEPLOY / "systemd" / name).read_text().splitlines()
+        return [line for line in computed_lines if line and line[0] not in "#["]
 
     shared = lines(DROP_IN)
     assert len(shared) > 40 and len(shared) == len(set(shared))
     for name in UNITS:
-        own = set(lines(name))
-        assert not own & set(shared)
+        own_lines = set(lines(name))
+        assert not own_lines & set(shared)
         # The drop-in would override settings of a unit.
-        keys, theirs = ({line.partition("=")[0] for line in each} for each in (own, shared))
-        assert keys & theirs <= {"Environment", "After"}
+        keys, wrapped_keys = (
+            {line.partition("=")[0] for line in unit_lines} for unit_lines in (own_lines, shared)
+        )
+        assert keys & wrapped_keys <= {"Environment", "After"}
 
 
 def test_computing_processes_may_confine_themselves() -> None:
@@ -84,8 +86,8 @@ def test_computing_processes_may_confine_themselves() -> None:
     text = (DEPLOY / "systemd" / DROP_IN).read_text()
     allowed: set[str] = set()
     for line in re.findall(r"^SystemCallFilter=(.*)$", text, re.MULTILINE):
-        found = {call for name in line.lstrip("~").split() for call in calls_of(name)}
-        allowed = allowed - found if line.startswith("~") else allowed | found
+        calls = {call for name in line.lstrip("~").split() for call in calls_of(name)}
+        allowed = allowed - calls if line.startswith("~") else allowed | calls
     landlock = {"landlock_create_ruleset", "landlock_add_rule", "landlock_restrict_self"}
     assert landlock | {"seccomp", "prctl", "setpriority", "setrlimit", "prlimit64"} <= allowed
     assert "SystemCallErrorNumber=EPERM" in text
@@ -97,7 +99,7 @@ def calls_of(name: str) -> set[str]:
         return {name}
     lines = analyze("syscall-filter", name).stdout.splitlines()[1:]
     inside = {line.strip() for line in lines if line.strip() and not line.strip().startswith("#")}
-    return {call for one in inside for call in calls_of(one)}
+    return {call for unit_lines in inside for call in calls_of(unit_lines)}
 
 
 def test_sysusers_makes_the_user(tmp_path: Path) -> None:

@@ -29,8 +29,8 @@ def test_shape_files_visit_the_cells_of_their_drawings_and_are_up_to_date() -> N
 
 
 def test_each_shape_file_has_a_drawing() -> None:
-    made = [name for name, *_ in make_tetrahedra.SHAPES] + ["tetra-dodecahedron"]
-    drawn = [*(shape.name for shape in (*DRAWINGS, *drawings())), *made]
+    shape_names = [name for name, *_ in make_tetrahedra.SHAPES] + ["tetra-dodecahedron"]
+    drawn = [*(shape.name for shape in (*DRAWINGS, *drawings())), *shape_names]
     assert sorted(file.stem for file in SHAPES.glob("*.json")) == sorted(drawn)
 
 
@@ -38,10 +38,10 @@ def test_tetrahedra_are_up_to_date(tmp_path: FilePath, monkeypatch: pytest.Monke
     monkeypatch.setattr(make_tetrahedra, "HERE", tmp_path)
     (tmp_path / "shapes").mkdir()
     make_tetrahedra.main()
-    made = {file.name: file.read_bytes() for file in (tmp_path / "shapes").iterdir()}
-    there = {file.name: file.read_bytes() for file in SHAPES.glob("tetra-*.json")}
-    assert made == there
-    assert len(there) == len(CHAINS) >= 10
+    built_files = {file.name: file.read_bytes() for file in (tmp_path / "shapes").iterdir()}
+    stored_files = {file.name: file.read_bytes() for file in SHAPES.glob("tetra-*.json")}
+    assert built_files == stored_files
+    assert len(stored_files) == len(CHAINS) >= 10
 
 
 def test_tetrahedra_files_are_folded_chains_on_the_lattice() -> None:

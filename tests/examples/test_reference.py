@@ -28,8 +28,8 @@ def test_example_of_the_readme_runs(
 def test_public_values_have_docstrings() -> None:
     """`make lint` requires docstrings of public classes, functions and methods."""
     for module, name in PUBLIC:
-        found = getattr(import_module(module), name)
-        if not (inspect.isclass(found) or inspect.isroutine(found)):
+        documented_object = getattr(import_module(module), name)
+        if not (inspect.isclass(documented_object) or inspect.isroutine(documented_object)):
             with case(f"{module}.{name}"):
                 assert value_docstring(import_module(module), name)
 

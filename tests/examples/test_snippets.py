@@ -51,8 +51,8 @@ or was not made for a table."""
 
 def blocks(page: Path, language: str) -> list[str]:
     """Return the blocks of a page in a language."""
-    found = BLOCK.findall(page.read_text(encoding="utf-8"))
-    return [text for named, text in found if named == language]
+    block = BLOCK.findall(page.read_text(encoding="utf-8"))
+    return [text for named, text in block if named == language]
 
 
 def commands(page: Path) -> list[str]:
@@ -137,8 +137,8 @@ def test_robot_page_in_python(
             run_fold(tmp_path / strategy, path.data, strategy=strategy)
             plan = Plan.load(tmp_path / strategy / "plan.npz")
             if plan.motion.is_windowed:  # small ones are not rounded to whole steps
-                whole = quantised(plan.motion.angles_rad).astype(np.float32)
-                plan = replace(plan, motion=replace(plan.motion, angles_rad=whole))
+                whole_quantised = quantised(plan.motion.angles_rad).astype(np.float32)
+                plan = replace(plan, motion=replace(plan.motion, angles_rad=whole_quantised))
             plan.save_npz(tmp_path / "plan.npz")
             angles = run_python_blocks([decoding])["angles"]
             np.testing.assert_allclose(angles, plan.whole().joint_angles_rad, atol=1e-6)

@@ -20,9 +20,9 @@ def test_reader_finds_texts_and_no_comments() -> None:
         ),
     ):
         with case((suffix, source)):
-            found = {" ".join(words.split()) for _, words in READERS[suffix](source)}
-            assert set(texts) <= found
-            assert not {"no", "Module.", "code here"} & found
+            responses = {" ".join(words.split()) for _, words in READERS[suffix](source)}
+            assert set(texts) <= responses
+            assert not {"no", "Module.", "code here"} & responses
 
 
 def test_texts_for_people_are_told_from_code() -> None:

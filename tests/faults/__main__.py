@@ -67,17 +67,17 @@ def main() -> int:
     arguments = parser.parse_args()
     if unknown := set(arguments.names) - faults.keys():
         parser.error(f"got {', '.join(sorted(unknown))}, expected some of {', '.join(faults)}")
-    chosen = [faults[name] for name in arguments.names or faults]
+    chosen_faults = [faults[name] for name in arguments.names or faults]
     console = Console(width=max(140, Console().width))
     answers: list[Answer] = []
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     with tempfile.TemporaryDirectory(prefix="faults-") as work_dir:
         scratch = Scratch(CHECKOUT, Path(work_dir))
-        for fault in chosen:
+        for fault in chosen_faults:
             start = time.perf_counter()
-            found = _try(scratch, fault, whole=arguments.all)
+            outcome = _try(scratch, fault, all_tests=arguments.all)
             seconds = round(time.perf_counter() - start, 1)
-            answers.append(answer := Answer(fault.name, fault.breaks, *found, seconds))
+            answers.append(answer := Answer(fault.name, fault.breaks, *outcome, seconds))
             print(f"{answer.fault}: {_words(answer)} ({answer.seconds:.0f} s)", flush=True)
             if answer.output:
                 print(answer.output, flush=True)
@@ -87,18 +87,18 @@ def main() -> int:
 
 
 def _try(
-    scratch: Scratch, fault: Fault, *, whole: bool
+    scratch: Scratch, fault: Fault, *, all_tests: bool
 ) -> tuple[Outcome, str | None, str | None, str]:
     parts = [("likely", fault.likely, LIKELY_TIMEOUT_S), ("all", WHOLE_SUITE, ALL_TIMEOUT_S)]
-    for part, tests, seconds in parts if whole else parts[:1]:
+    for part, tests, seconds in parts if all_tests else parts[:1]:
         with scratch.with_fault(fault):
             run = scratch.run_tests(tests, seconds=seconds)
         if run.code is None:
             return "no end", None, part, ""
         if run.code == FAILED_TESTS and run.failed:
-            again = scratch.run_tests(run.failed[:1], seconds=seconds)
-            if again.code != PASSED:
-                return "unsound", run.failed[0], part, again.output[-MAX_OUTPUT_CHARACTERS:]
+            repeated_run = scratch.run_tests(run.failed[:1], seconds=seconds)
+            if repeated_run.code != PASSED:
+                return "unsound", run.failed[0], part, repeated_run.output[-MAX_OUTPUT_CHARACTERS:]
             return "found", run.failed[0], part, ""
         if run.code != PASSED:
             return "unsound", None, part, run.output[-MAX_OUTPUT_CHARACTERS:]
@@ -116,11 +116,11 @@ def _show(console: Console, answers: list[Answer]) -> None:
         table.add_column(title, overflow="fold")
     table.add_column("s", justify="right")
     for answer in answers:
-        found = escape(_words(answer).removeprefix("found "))
-        table.add_row(answer.fault, answer.breaks, found, f"{answer.seconds:.0f}")
+        computed_escape = escape(_words(answer).removeprefix("found "))
+        table.add_row(answer.fault, answer.breaks, computed_escape, f"{answer.seconds:.0f}")
     console.print(table)
-    met = sum(answer.outcome in SUCCESSES for answer in answers)
-    console.print(f"{met} of {len(answers)} faults are found.")
+    is_met = sum(answer.outcome in SUCCESSES for answer in answers)
+    console.print(f"{is_met} of {len(answers)} faults are found.")
 
 
 def _write(path: Path, answers: list[Answer]) -> None:
@@ -128,12 +128,12 @@ def _write(path: Path, answers: list[Answer]) -> None:
         ["git", "rev-parse", "HEAD"], cwd=CHECKOUT, capture_output=True, text=True, check=True
     )
     path.parent.mkdir(parents=True, exist_ok=True)
-    found = {
+    report = {
         "date": time.strftime("%Y-%m-%d"),
         "commit": commit.stdout.strip(),
         "faults": [asdict(answer) for answer in answers],
     }
-    path.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    path.write_text(json.dumps(report, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -92,8 +92,8 @@ class Scratch:
             os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
             for cache in self._compiled(stale):
                 cache.unlink()
-            for cache, where in moved.items():
-                where.rename(cache)
+            for cache, cache_directory in moved.items():
+                cache_directory.rename(cache)
             shutil.rmtree(cache_dir)
 
     def run_tests(self, arguments: Sequence[str], *, seconds: float) -> Run:
@@ -137,18 +137,18 @@ class Scratch:
             for path in self._root.rglob("*.py")
             if "njit" in (text := path.read_text(encoding="utf-8"))
         }
-        found: set[Path] = set()
+        paths: set[Path] = set()
         waiting = [self._root / file]
         while waiting:
             path = waiting.pop()
-            if path in found or path not in kernels:
+            if path in paths or path not in kernels:
                 continue
-            found.add(path)
+            paths.add(path)
             module = ".".join(path.relative_to(self._root).with_suffix("").parts)
             waiting += [
-                other for other, text in kernels.items() if f"from foldback.{module} " in text
+                second for second, text in kernels.items() if f"from foldback.{module} " in text
             ]
-        return found
+        return paths
 
     def _compiled(self, files: Iterable[Path]) -> list[Path]:
         """Return the cache files of the kernels in some files."""
@@ -167,7 +167,7 @@ def _interpreter(root: Path) -> Path:
     """
     home = root / ".venv"
     venv.create(home)
-    own = sysconfig.get_path("purelib", "venv", vars={"base": str(home)})
+    path = sysconfig.get_path("purelib", "venv", vars={"base": str(home)})
     installed = sysconfig.get_path("purelib")
-    (Path(own) / "copy.pth").write_text(f"{root}\nimport site; site.addsitedir({installed!r})\n")
+    (Path(path) / "copy.pth").write_text(f"{root}\nimport site; site.addsitedir({installed!r})\n")
     return home / "bin" / "python"

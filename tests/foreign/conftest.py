@@ -31,10 +31,12 @@ class Exported:
         to_root = np.linalg.inv(links[self.root])
         turn = self.rotations[frame, self.root].T
         for i, link in enumerate(links):
-            found = to_root @ link
+            link_pose = to_root @ link
             offset = self.positions_m[frame, i] - self.positions_m[frame, self.root]
-            np.testing.assert_allclose(found[:3, 3] * scale, turn @ offset, atol=ATOL)
-            np.testing.assert_allclose(found[:3, :3], turn @ self.rotations[frame, i], atol=ATOL)
+            np.testing.assert_allclose(link_pose[:3, 3] * scale, turn @ offset, atol=ATOL)
+            np.testing.assert_allclose(
+                link_pose[:3, :3], turn @ self.rotations[frame, i], atol=ATOL
+            )
 
     def centred(self, link: np.ndarray, index: int) -> np.ndarray:
         shift = np.eye(4)

@@ -10,6 +10,8 @@ bpy.ops.import_scene.gltf(filepath=sys.argv[1])
 scene = bpy.context.scene
 last = max(action.frame_range[1] for action in bpy.data.actions)
 scene.frame_set(int(last), subframe=last - int(last))
-modules = [one for one in bpy.data.objects if one.name.startswith("module_")]
+modules = [
+    scene_object for scene_object in bpy.data.objects if scene_object.name.startswith("module_")
+]
 with open(sys.argv[2], "w") as file:
-    json.dump({one.name: [list(row) for row in one.matrix_world] for one in modules}, file)
+    json.dump({module.name: [list(row) for row in module.matrix_world] for module in modules}, file)

@@ -21,9 +21,9 @@ PYBULLET_MARGIN_M = 0.002
 
 
 def transform(position: Any, rotation: Any) -> np.ndarray:
-    found = np.eye(4)
-    found[:3, 3], found[:3, :3] = position, np.reshape(rotation, (3, 3))
-    return found
+    pose = np.eye(4)
+    pose[:3, 3], pose[:3, :3] = position, np.reshape(rotation, (3, 3))
+    return pose
 
 
 def exempt(exported: Any) -> list[tuple[str, str]]:
@@ -39,7 +39,7 @@ def test_drake_moves_the_model_as_the_plan_and_finds_no_contact(exported: Any, f
     plant.Finalize()
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()
-    own = plant.GetMyContextFromRoot(context)
+    own_context = plant.GetMyContextFromRoot(context)
     urdf = file == "model.urdf"
     shapes = scene.model_inspector().GetAllGeometryIds(Role.kProximity)
     tetrahedra = "tetrahedron" in (exported.directory / "plan.json").read_text()[:4000]
@@ -47,14 +47,14 @@ def test_drake_moves_the_model_as_the_plan_and_finds_no_contact(exported: Any, f
     assert len(shapes) == (0 if tetrahedra and not urdf else len(exported.centres_m))
     for frame in range(len(exported.time_s)):
         for name, angle in exported.joints(frame).items():
-            plant.GetJointByName(name).set_angle(own, angle)
+            plant.GetJointByName(name).set_angle(own_context, angle)
         if not (urdf or tetrahedra):
             # Drake misplaces the first of two hinges of a body in MJCF: README.md.
             continue
         links = []
         for i in range(len(exported.centres_m)):
             body = plant.GetBodyByName(f"module_{i}" if urdf else f"module_{i}_body")
-            pose = plant.EvalBodyPoseInWorld(own, body).GetAsMatrix4()
+            pose = plant.EvalBodyPoseInWorld(own_context, body).GetAsMatrix4()
             links.append(exported.centred(pose, i) if urdf else pose)
         exported.check(frame, links, scale=1.0 if urdf else exported.pitch_m)
         query = scene.get_query_output_port().Eval(scene.GetMyContextFromRoot(context))
@@ -65,8 +65,8 @@ def test_mujoco_with_the_srdf_moves_the_urdf_as_the_plan(exported: Any) -> None:
     text = (exported.directory / "model.urdf").read_text()
     assets = {"module.obj": (exported.directory / "module.obj").read_bytes()}
     spec = mujoco.MjSpec.from_string(text, assets=assets)
-    for one, other in exempt(exported):
-        spec.add_exclude(bodyname1=one, bodyname2=other)
+    for first, second in exempt(exported):
+        spec.add_exclude(bodyname1=first, bodyname2=second)
     model = spec.compile()
     data = mujoco.MjData(model)
     for frame in range(len(exported.time_s)):
@@ -90,13 +90,13 @@ def test_pybullet_with_the_srdf_moves_the_urdf_as_the_plan(exported: Any) -> Non
         for k in range(pybullet.getNumJoints(robot)):
             info = pybullet.getJointInfo(robot, k)
             joints[info[1].decode()], links[info[12].decode()] = k, k
-        for one, other in exempt(exported):
-            pybullet.setCollisionFilterPair(robot, robot, links[one], links[other], 0)
-        whole = len(exported.joint_names) <= PYBULLET_JOINTS
-        for frame in range(len(exported.time_s) if whole else 0):
+        for first, second in exempt(exported):
+            pybullet.setCollisionFilterPair(robot, robot, links[first], links[second], 0)
+        has_all_joints = len(exported.joint_names) <= PYBULLET_JOINTS
+        for frame in range(len(exported.time_s) if has_all_joints else 0):
             for name, angle in exported.joints(frame).items():
                 pybullet.resetJointState(robot, joints[name], angle)
-            found = []
+            poses = []
             for i in range(len(exported.centres_m)):
                 k = links[f"module_{i}"]
                 if k < 0:
@@ -104,8 +104,8 @@ def test_pybullet_with_the_srdf_moves_the_urdf_as_the_plan(exported: Any) -> Non
                 else:
                     pose = pybullet.getLinkState(robot, k, computeForwardKinematics=True)[4:6]
                 matrix = pybullet.getMatrixFromQuaternion(pose[1])
-                found.append(exported.centred(transform(pose[0], matrix), i))
-            exported.check(frame, found)
+                poses.append(exported.centred(transform(pose[0], matrix), i))
+            exported.check(frame, poses)
             pybullet.performCollisionDetection()
             deepest = min((point[8] for point in pybullet.getContactPoints()), default=0.0)
             assert deepest > -(1e-6 if exempt(exported) else PYBULLET_MARGIN_M)

@@ -35,9 +35,9 @@ def test_blender_shows_the_folded_modules_as_the_plan(exported: Any, tmp_path: P
     script = str(Path(__file__).with_name("in_blender.py"))
     glb = str(exported.directory / "fold.glb")
     subprocess.run([os.environ["FOREIGN_BLENDER"], script, glb, str(out)], check=True)
-    found = json.loads(out.read_text())
+    shape_values = json.loads(out.read_text())
     for i in range(len(exported.centres_m)):
-        matrix = np.array(found[f"module_{i}"])
+        matrix = np.array(shape_values[f"module_{i}"])
         off = matrix[:3, 3] - exported.positions_m[-1, i]
         assert np.abs(off).max() <= 1e-6
         # Blender rotates both the axes of each object and those of its mesh from y up to z up.

@@ -21,10 +21,10 @@ FOLDED = ("short", "wrench-24", "ring", "mallet-64", "refold")
 def test_verified_folds_are_clear(name: str) -> None:
     path = Path(os.environ["FOREIGN_PLANS"]) / name / "plan.npz"
     plan = foldback_check.Plan(path)
-    found = ask_ipctk(plan)
-    assert found.contacts == ()
-    assert found.parts >= found.intervals == plan.frames - 1
-    assert 0.85 * plan.claim < found.clearance < plan.claim
+    opinion = ask_ipctk(plan)
+    assert opinion.contacts == ()
+    assert opinion.parts >= opinion.intervals == plan.frames - 1
+    assert 0.85 * plan.claim < opinion.clearance < plan.claim
 
 
 def test_contact_between_two_frames_only_is_found(tmp_path: Path) -> None:
@@ -34,8 +34,8 @@ def test_contact_between_two_frames_only_is_found(tmp_path: Path) -> None:
         [-10, -79, 0, 26, 37, -5, -4, 17, 25, -3, -40, 87, -56, 54],
         [-52, -92, -46, 26, 15, -75, 29, 26, 69, -48, -85, 86, -51, 54],
     ]
-    found = ask_ipctk(foldback_check.Plan(save(tmp_path / "plan.npz", np.radians(turned))))
-    [contact] = found.contacts
+    opinion = ask_ipctk(foldback_check.Plan(save(tmp_path / "plan.npz", np.radians(turned))))
+    [contact] = opinion.contacts
     assert contact.modules == (5, 7)
     assert 1.0 < contact.frame < 4 / 3
 

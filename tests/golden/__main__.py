@@ -22,14 +22,16 @@ def main() -> int:
     results = {name: compute(name) for name in arguments.names or CASES}
     any_changed = False
     for name, result in results.items():
-        own, everywhere = load(name)
-        changed = [] if own is None else changed_parts(own.digests, result.digests)
-        for reference in everywhere[:1] if own is None else [own]:
+        own_values, everywhere = load(name)
+        changed = [] if own_values is None else changed_parts(own_values.digests, result.digests)
+        for reference in everywhere[:1] if own_values is None else [own_values]:
             changed += summary_differences(reference.summary, result.summary)
         any_changed |= bool(changed)
-        known = "this machine" if own else "another machine" if everywhere else "no machine"
-        print(f"{name}: {len(changed)} differences from the results stored for {known}")
-        print("".join(f"  {each}\n" for each in changed), end="")
+        expected = (
+            "this machine" if own_values else "another machine" if everywhere else "no machine"
+        )
+        print(f"{name}: {len(changed)} differences from the results stored for {expected}")
+        print("".join(f"  {changed_path}\n" for changed_path in changed), end="")
     if arguments.store:
         print(f"Stored in {save(results)}.")
         return 0

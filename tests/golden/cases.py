@@ -82,8 +82,8 @@ def _begin_smooth(directory: FilePath, request: FoldRequest, _: bytes) -> None:
     Workspace(directory).write_request(smoothing, write_chain(plan.chain), recorded=plan)
 
 
-def _case(data: bytes, begin: Begin = _begin, **options: Any) -> Case:
-    return Case(data=data, request=FoldRequest(**options), begin=begin)
+def _case(data: bytes, first_begin: Begin = _begin, **options: Any) -> Case:
+    return Case(data=data, request=FoldRequest(**options), begin=first_begin)
 
 
 _ON_TABLE: Final = {"world": "table", "as_voxels": True}

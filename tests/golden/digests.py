@@ -60,9 +60,13 @@ def summary(directory: FilePath) -> Values:
         "hinges": len(chain["folded_rad"]),
         "attempts": [
             " ".join(
-                (each["strategy"], each["status"], (each.get("diagnosis") or {}).get("kind", ""))
+                (
+                    attempt["strategy"],
+                    attempt["status"],
+                    (attempt.get("diagnosis") or {}).get("kind", ""),
+                )
             ).strip()
-            for each in attempts
+            for attempt in attempts
         ],
         "steps": explosion.get("steps"),
         "frames": certificate["frames"],
@@ -98,8 +102,8 @@ def _parts(path: FilePath) -> Iterator[tuple[str, str]]:
 def _parts_of_values(values: Values | list[Values]) -> Iterator[tuple[str, str]]:
     """Yield the digests of a JSON object's values; for an array, those of each object in it."""
     if isinstance(values, list):
-        for k, each in enumerate(values):
-            for part, digest in _parts_of_values(each):
+        for k, element in enumerate(values):
+            for part, digest in _parts_of_values(element):
                 yield f"{k}.{part}", digest
         return
     for name, value in _timeless(values).items():
@@ -110,11 +114,11 @@ def _timeless(value: Any) -> Any:
     """Return the value without wall times and versions."""
     if isinstance(value, dict):
         return {
-            name: each if name == DURATION_OF else _timeless(each)
-            for name, each in cast("Values", value).items()
+            name: element if name == DURATION_OF else _timeless(element)
+            for name, element in cast("Values", value).items()
             if name != WALL_TIME and name not in IGNORED_NAMES
         }
-    return [_timeless(each) for each in value] if isinstance(value, list) else value
+    return [_timeless(element) for element in value] if isinstance(value, list) else value
 
 
 def _digest_of_array(array: np.ndarray[Any, Any]) -> str:

@@ -42,13 +42,13 @@ def compute(name: str) -> Result:
 
 def load(name: str) -> tuple[Result | None, list[Result]]:
     """Return the stored result of a case for this machine, and those of all machines."""
-    own = STORED_DIR / f"{machine_key(machine())}.json"
+    own_file = STORED_DIR / f"{machine_key(machine())}.json"
     everywhere: dict[FilePath, Result] = {}
     for path in sorted(STORED_DIR.glob("*.json")):
         folds = json.loads(path.read_bytes())["folds"]
         if name in folds:
             everywhere[path] = Result(**folds[name])
-    return everywhere.get(own), list(everywhere.values())
+    return everywhere.get(own_file), list(everywhere.values())
 
 
 def save(results: dict[str, Result]) -> FilePath:
@@ -72,8 +72,8 @@ def summary_differences(stored: Values, computed: Values) -> list[str]:
     ]
 
 
-def _is_close(one: Any, other: Any) -> bool:
-    numbers = isinstance(one, (int, float)) and isinstance(other, (int, float))
+def _is_close(first: Any, second: Any) -> bool:
+    numbers = isinstance(first, (int, float)) and isinstance(second, (int, float))
     if not numbers:
-        return bool(one == other)
-    return abs(one - other) <= RELATIVE_TOLERANCE * max(abs(one), abs(other))
+        return bool(first == second)
+    return abs(first - second) <= RELATIVE_TOLERANCE * max(abs(first), abs(second))

@@ -20,13 +20,13 @@ compute_once = cache(compute)
 
 @pytest.mark.parametrize("name", CASES)
 def test_fold_gives_the_stored_results(name: str) -> None:
-    own, everywhere = load(name)
+    own_values, everywhere = load(name)
     assert everywhere, f"nothing is stored; run `python -m tests.golden --store {name}`"
     result = compute_once(name)
-    reference = everywhere[0] if own is None else own
+    reference = everywhere[0] if own_values is None else own_values
     assert summary_differences(reference.summary, result.summary) == []
-    if own is not None:
-        assert changed_parts(own.digests, result.digests) == [], (
+    if own_values is not None:
+        assert changed_parts(own_values.digests, result.digests) == [], (
             f"if this is intended, run `python -m tests.golden --store {name}`"
         )
 

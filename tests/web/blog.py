@@ -29,5 +29,5 @@ class _Answer(http.server.BaseHTTPRequestHandler):
         self.end_headers()
         self.wfile.write(body)
 
-    def log_message(self, *given: object) -> None:
-        del given
+    def log_message(self, *arguments: object) -> None:
+        del arguments

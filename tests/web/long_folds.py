@@ -28,15 +28,15 @@ def fold(
             base_position=out.anchor_position + rng.normal(0.0, 0.1, out.anchor_position.shape),
             base_wxyz=turns / np.linalg.norm(turns, axis=1, keepdims=True),
         )
-    back = dataclasses.replace(
+    changed = dataclasses.replace(
         out[np.arange(len(out))[::-1]],
         time_s=out.time_s[-1] + 1.0 + out.time_s,
         phase=np.full(len(out), PHASES.index("playback"), np.uint8),
     )
     if error_rad:
-        errors = np.abs(rng.normal(0.0, error_rad, len(back.angles_rad))).astype(np.float32)
-        back = dataclasses.replace(back, errors_rad=errors)
-    return Motion.joined([out, back])
+        errors = np.abs(rng.normal(0.0, error_rad, len(changed.angles_rad))).astype(np.float32)
+        changed = dataclasses.replace(changed, errors_rad=errors)
+    return Motion.joined([out, changed])
 
 
 def write(path: Path, chain: Chain, windows: Motion) -> Path:

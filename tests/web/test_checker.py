@@ -53,25 +53,27 @@ def plans(ring: Path, kinematic: Path, peeled: Path) -> list[Path]:
 
 def test_both_checkers_prove_the_same(plans: list[Path], checker: JavaScriptChecker) -> None:
     for path in plans:
-        found, other = checker(path), by_python(path)
-        assert other["verdict"] == "proved", path
-        assert found["proved"], found
-        assert found["claim"] == other["clearance"] <= found["least"]
-        assert found["tightest"]["gap"] == pytest.approx(other["tightest"]["gap"], rel=0.1)
-        assert found["frames"] >= other["frames"] - 1
-        assert found["pairs"] == pytest.approx(other["looks"], rel=0.05)
+        browser_check, python_check = checker(path), by_python(path)
+        assert python_check["verdict"] == "proved", path
+        assert browser_check["proved"], browser_check
+        assert browser_check["claim"] == python_check["clearance"] <= browser_check["least"]
+        assert browser_check["tightest"]["gap"] == pytest.approx(
+            python_check["tightest"]["gap"], rel=0.1
+        )
+        assert browser_check["frames"] >= python_check["frames"] - 1
+        assert browser_check["pairs"] == pytest.approx(python_check["looks"], rel=0.05)
 
 
 def test_modules_are_made_larger_until_two_touch(plans: list[Path]) -> None:
     with JavaScriptChecker("size") as checker:
         largest = [checker(path) for path in plans]
-    for path, found in zip(plans, largest, strict=True):
+    for path, largest_clearance in zip(plans, largest, strict=True):
         plan = foldback_check.Plan(path)
-        assert plan.size < found["size"] <= 1.0
+        assert plan.size < largest_clearance["size"] <= 1.0
         assert proved_clearance(plan) > 0.0
         # a little larger, and the named modules touch
-        at = found["touch"]
-        assert at["size"] == pytest.approx(found["size"], abs=2e-4)
+        at = largest_clearance["touch"]
+        assert at["size"] == pytest.approx(largest_clearance["size"], abs=2e-4)
         chain, angles = sample(plan, [at["frame"]])
         clearance, _ = clearances_of(chain, angles, module_size=min(at["size"] + 1e-4, 1.0))
         assert clearance[0, at["modules"]].max() <= 1e-4
@@ -100,12 +102,16 @@ def test_no_forged_plan_is_proved(
     for seed in range(2 * len(kinds)):
         path, random = tmp_path / "plan.npz", np.random.default_rng(SEED + seed)
         kind = forge(plans[seed % len(plans)], path, random, kinds[seed // 2])
-        found = checker(path)
-        assert found["proved"] == (by_python(path)["verdict"] == "proved"), (kind, seed, found)
-        refused += not found["proved"]
-        if found["proved"]:
+        browser_check = checker(path)
+        assert browser_check["proved"] == (by_python(path)["verdict"] == "proved"), (
+            kind,
+            seed,
+            browser_check,
+        )
+        refused += not browser_check["proved"]
+        if browser_check["proved"]:
             assert kind not in FALSE, (kind, seed)
-            assert not certainly_false(path), (kind, seed, found)
+            assert not certainly_false(path), (kind, seed, browser_check)
     assert refused > len(kinds)
 
 
@@ -117,14 +123,23 @@ def test_strange_files_get_the_same_verdict_from_both_checkers(
     for name, (way, expected) in (strange_plans.STRANGE | true).items():
         strange_plans.write(way, path)
         with case(name):
-            found, other = by_python(path), checker(path)
-            assert found["verdict"] == other["verdict"] == expected, (found, other)
-            words = [text for text in (*found.values(), *other.values()) if isinstance(text, str)]
+            python_values, other_checker = by_python(path), checker(path)
+            assert python_values["verdict"] == other_checker["verdict"] == expected, (
+                python_values,
+                other_checker,
+            )
+            words = [
+                text
+                for text in (*python_values.values(), *other_checker.values())
+                if isinstance(text, str)
+            ]
             assert "".join(words).isprintable()
             if expected.startswith("proved"):
-                same = ("start", "end", "module")
-                assert [found[key] for key in same] == [other[key] for key in same]
-                assert found["reason"] == other["limits"]
+                same_columns = ("start", "end", "module")
+                assert [python_values[key] for key in same_columns] == [
+                    other_checker[key] for key in same_columns
+                ]
+                assert python_values["reason"] == other_checker["limits"]
 
 
 def test_reasons_are_the_same_and_count_from_1(checker: JavaScriptChecker, tmp_path: Path) -> None:
@@ -155,9 +170,12 @@ def test_pairs_at_rest_are_checked_at_first(checker: JavaScriptChecker, tmp_path
         arrays["angles_rad"] = last.ravel().astype("f4")
         meta["start"] = {"folded_rad": [*folded[:-2], *last[0]]}
 
-    found, other = checker(rewrite(path, path, window)), by_python(path)
-    assert found["verdict"] == other["verdict"] == strange_plans.START, (found, other)
-    assert found["pairs"] == other["looks"] > 14 * foldback_check.CROWD, (
+    browser_check, python_check = checker(rewrite(path, path, window)), by_python(path)
+    assert browser_check["verdict"] == python_check["verdict"] == strange_plans.START, (
+        browser_check,
+        python_check,
+    )
+    assert browser_check["pairs"] == python_check["looks"] > 14 * foldback_check.CROWD, (
         "more than for 1 + 10 modules"
     )
 
@@ -188,9 +206,9 @@ def test_no_bound_exceeds_the_sampled_clearance(
             meta["certificate"] |= {"clearance_bound": 1e-3, "max_joint_step_rad": None}
 
         path = rewrite(ring / "plan.npz", tmp_path / "few.npz", thin_out)
-        found = checker(path)
-        assert found["proved"] == (by_python(path)["verdict"] == "proved")
-        if found["proved"]:
-            assert found["bounds"] > 100
-            assert found["above"] == 0
-            assert found["least"] <= proved_clearance(foldback_check.Plan(path)) + 1e-6
+        browser_check = checker(path)
+        assert browser_check["proved"] == (by_python(path)["verdict"] == "proved")
+        if browser_check["proved"]:
+            assert browser_check["bounds"] > 100
+            assert browser_check["above"] == 0
+            assert browser_check["least"] <= proved_clearance(foldback_check.Plan(path)) + 1e-6

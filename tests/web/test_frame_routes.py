@@ -15,8 +15,12 @@ def test_finished_frames_and_the_client_are_cached_by_browsers(
     for path in (f"/folds/{wrench}/bundle", f"/folds/{wrench}/batch?stride=3", "/view"):
         first = service.http.get(path)
         tags.add(first.headers["ETag"])
-        again = service.http.get(path, headers={"If-None-Match": first.headers["ETag"]})
-        assert (first.status_code, again.status_code, again.content) == (200, 304, b""), path
+        second_response = service.http.get(path, headers={"If-None-Match": first.headers["ETag"]})
+        assert (first.status_code, second_response.status_code, second_response.content) == (
+            200,
+            304,
+            b"",
+        ), path
     assert service.http.get(f"/folds/{wrench}/batch?stride=2").headers["ETag"] not in tags
     assert b"window.Worker = " in first.content
 
@@ -30,7 +34,7 @@ def test_unknown_comparisons_and_invalid_queries_are_refused(service: Service, w
 
 
 def test_files_are_sandboxed_downloads_and_made_once(service: Service, wrench: str) -> None:
-    kept = service.directory(wrench) / "exports"
+    exports_directory = service.directory(wrench) / "exports"
     for name, kind, pattern in (
         ("standalone.html", "text/html", "standalone-*.html"),
         ("recording.viser", "octet-stream", "recording.viser"),
@@ -40,7 +44,7 @@ def test_files_are_sandboxed_downloads_and_made_once(service: Service, wrench: s
         assert kind in answer.headers["Content-Type"]
         assert answer.headers["Content-Disposition"].startswith("attachment; filename=")
         assert "sandbox" in answer.headers["Content-Security-Policy"]
-        (path,) = kept.glob(pattern)
+        (path,) = exports_directory.glob(pattern)
         assert path.read_bytes() == answer.content
         path.write_bytes(b"as it was left")
         assert service.http.get(f"/folds/{wrench}/{name}").content == b"as it was left"

@@ -76,27 +76,27 @@ def packed(header: Mapping[str, Any] | None = None, /, **arrays: NDArray[Any]) -
     return text(encode(header or {}, {k: np.asarray(v, "<f8") for k, v in arrays.items()}))
 
 
-def encoded(poses: Poses, **more: NDArray[Any]) -> str:
-    return packed(positions=poses.positions, wxyzs=poses.wxyzs, **more)
+def encoded(poses: Poses, **extra: NDArray[Any]) -> str:
+    return packed(positions=poses.positions, wxyzs=poses.wxyzs, **extra)
 
 
 def kinematics() -> list[Vectors]:
-    found: list[Vectors] = []
+    vectors: list[Vectors] = []
     for name, chain in CHAINS.items():
         rng = np.random.default_rng(3)
         angles = rng.uniform(-1.5, 1.5, len(chain.folded_rad))
         position = rng.uniform(-3, 3, 3)
         wxyz = rng.normal(size=4)
         wxyz /= np.linalg.norm(wxyz)
-        given = encoded(
+        given_encoded = encoded(
             chain.poses(angles, position, wxyz), angles=angles, position=position, wxyz=wxyz
         )
-        found.append({"name": name, "bundle": text(bundle_of(chain)), "given": given})
-    return found
+        vectors.append({"name": name, "bundle": text(bundle_of(chain)), "given": given_encoded})
+    return vectors
 
 
 def picking() -> list[Vectors]:
-    found: list[Vectors] = []
+    vectors: list[Vectors] = []
     for name, chain in CHAINS.items():
         poses = chain.folded_poses
         rng = np.random.default_rng(4)
@@ -117,12 +117,14 @@ def picking() -> list[Vectors]:
         assert len(set(modules)) > 3
         assert None in modules
         data = {"name": name, "bundle": text(bundle_of(chain)), "given": encoded(poses)}
-        found.append(data | {"origin": origin.tolist(), "ways": ways.tolist(), "modules": modules})
-    return found
+        vectors.append(
+            data | {"origin": origin.tolist(), "ways": ways.tolist(), "modules": modules}
+        )
+    return vectors
 
 
 def windows() -> list[Vectors]:
-    found: list[Vectors] = []
+    vectors: list[Vectors] = []
     for name, chain in LONG_CHAINS.items():
         off = 1e-3 if name == "cubes" else 0.0
         windows = long_folds.fold(chain, width=31, step=3.7, base_moves=True, error_rad=off)
@@ -145,8 +147,8 @@ def windows() -> list[Vectors]:
         header = {"start": 0, "stop": len(windows), "stride": 1}
         batch = encode(header, columns, planes=PLANE_COLUMNS, short=SHORT_COLUMNS)
         bundle = text(bundle_of(chain, 40))
-        found.append({"name": name, "bundle": bundle, "batch": text(batch), "frames": frames})
-    return found
+        vectors.append({"name": name, "bundle": bundle, "batch": text(batch), "frames": frames})
+    return vectors
 
 
 def touching() -> Vectors:
@@ -168,7 +170,7 @@ def touching() -> Vectors:
 def paths() -> list[Vectors]:
     """Return lists of cells, and the error of each as a path."""
     rng = np.random.default_rng(7)
-    found: list[Vectors] = []
+    vectors: list[Vectors] = []
     for count in np.resize([2, 3, 6, 12], 80):
         steps = np.eye(3, dtype=int)[rng.integers(0, 3, count)] * rng.choice([-1, 1], (count, 1))
         steps[rng.random(count) < 0.05] *= 2
@@ -180,20 +182,20 @@ def paths() -> list[Vectors]:
             CellPath.from_cells(cells)
         except InputError as error:
             code = error.code
-        found.append({"cells": cells.tolist(), "code": code})
-    assert {None, "repeated-cell", "not-adjacent"} <= {each["code"] for each in found}
-    return found
+        vectors.append({"cells": cells.tolist(), "code": code})
+    assert {None, "repeated-cell", "not-adjacent"} <= {vector["code"] for vector in vectors}
+    return vectors
 
 
 def camera() -> list[Vectors]:
-    found: list[Vectors] = []
+    vectors: list[Vectors] = []
     for stretch in ((1.0, 1.0, 1.0), (40.0, 0.3, 0.2), (0.2, 3.0, 25.0)):
         for count, aspect in ((300, 1.7), (5000, 0.5)):
             points = np.random.default_rng(5).normal(size=(count, 3)) * stretch + [1.0, -2.0, 0.5]
             seeing = {"radius": 0.9, "aspect": aspect}
             view = framing(points, **seeing)
             field, home, elevation = np.deg2rad([32.0, -62.0, 24.0]).tolist()
-            found.append(
+            vectors.append(
                 {
                     "name": f"{count} points stretched by {stretch}, {aspect} wide",
                     "points": packed(points=points),
@@ -205,7 +207,7 @@ def camera() -> list[Vectors]:
                     "position": list(view.position),
                 }
             )
-    return found
+    return vectors
 
 
 def stored(name: str) -> Vectors:
@@ -266,14 +268,14 @@ def timeline(path: Path) -> Vectors:
     chain = timeline.chain
     frames: list[Vectors] = []
     for k in (0, len(timeline) * 3 // 5, len(timeline) - 1):
-        shown = timeline.snapshot(k)
-        errors = shown.module_error_rad
+        snapshot = timeline.snapshot(k)
+        errors = snapshot.module_error_rad
         frames.append(
             {
                 "frame": k,
-                "time_s": shown.time_s,
-                "angles": shown.joint_angles_rad.tolist(),
-                "poses": packed(positions=shown.positions, wxyzs=shown.wxyzs),
+                "time_s": snapshot.time_s,
+                "angles": snapshot.joint_angles_rad.tolist(),
+                "poses": packed(positions=snapshot.positions, wxyzs=snapshot.wxyzs),
                 "colours": error_colours(errors, timeline.error_scale_rad).ravel().tolist(),
                 "errors": [None if np.isnan(v) else float(v) for v in errors],
             }
@@ -307,9 +309,9 @@ def cases(timeline_path: Path, peeled: Path, tmp_path_factory: pytest.TempPathFa
     }
     path = tmp_path_factory.mktemp("javascript") / "vectors.json"
     path.write_text(json.dumps(vectors, allow_nan=False), encoding="utf-8")
-    asked = [NODE, "--test", "--test-isolation=none", "--test-reporter=junit", *FILES]
+    nodes = [NODE, "--test", "--test-isolation=none", "--test-reporter=junit", *FILES]
     environment = os.environ | {"FOLDBACK_VECTORS": str(path)}
-    done = subprocess.run(asked, env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(nodes, env=environment, capture_output=True, text=True, check=False)
     assert done.stdout.rstrip().endswith("</testsuites>"), done.stdout + done.stderr
     return list(ElementTree.fromstring(done.stdout).iter("testcase"))
 

@@ -52,14 +52,14 @@ def film(timeline_path: Path, tmp_path: Path, backend: str) -> Film:
 def read(path: Path) -> tuple[str, np.ndarray]:
     """Return ffmpeg's description of a movie's picture stream, and (K, H, W, 3) sRGB bytes."""
     command = [find_ffmpeg(), "-i", str(path), "-f", "rawvideo", "-pix_fmt", "rgb24"]
-    found = subprocess.run(
+    process = subprocess.run(
         [*command, "-fps_mode", "passthrough", "-"], capture_output=True, check=True
     )
-    about = next(line for line in found.stderr.decode().splitlines() if "Video:" in line)
+    about = next(line for line in process.stderr.decode().splitlines() if "Video:" in line)
     size = re.search(r", (\d+)x(\d+)", about)
     assert size, about
     shape = (-1, int(size[2]), int(size[1]), 3)
-    return about, np.frombuffer(found.stdout, np.uint8).reshape(shape)
+    return about, np.frombuffer(process.stdout, np.uint8).reshape(shape)
 
 
 @pytest.mark.parametrize("kind", ["mp4", "gif"])
@@ -83,8 +83,8 @@ def test_movie_has_its_format_size_ground_and_colours(
     if kind == "mp4":  # the palette has few reds
         # The joint with the error turns red.
         over = pictures[[0, -1], ..., 0].astype(int) - pictures[[0, -1], ..., 1]
-        few, many = (over > 70).sum(axis=(1, 2))
-        assert few == 0 < 10 < many
+        bright_pixels, count = (over > 70).sum(axis=(1, 2))
+        assert bright_pixels == 0 < 10 < count
 
 
 def test_ground_is_that_of_the_theme_or_a_table(film: Film) -> None:
@@ -124,8 +124,10 @@ def test_movie_of_a_tour_rests_at_its_stops_for_as_long_as_reading_takes(
     movie = Movie.of({}, TOUR)
     assert [stop.frame for stop in movie.stops] == [2, 150, 199]
     assert movie.seconds > 10 + len(TOUR["stops"][2]["caption"]) / 17
-    frames, shown = schedule(TimelineView(timeline_path), movie)
-    rests = [sum(stop is not None and stop.frame == f for stop in shown) for f in (2, 150, 199)]
+    frames, timeline_view = schedule(TimelineView(timeline_path), movie)
+    rests = [
+        sum(stop is not None and stop.frame == f for stop in timeline_view) for f in (2, 150, 199)
+    ]
     assert rests[0] == 0 and rests[1] > rests[2] > 1.5 * movie.fps
     assert (frames == 150).sum() >= movie.stops[1].reading_s * movie.fps - 1
     assert (np.diff(frames) >= 0).all() and (frames[0], frames[-1]) == (100, 199)
@@ -255,9 +257,9 @@ def test_gif_without_ffmpeg_has_its_pictures_colours_and_times(
         open_encoder(Movie.of(SMALL), tmp_path / "fold.mp4").__enter__()
     movie = Movie.of({"format": "gif", "width": 66, "height": 64, "seconds": 2.0, "fps": 15})
     ramp = np.add.outer(np.arange(64), np.arange(66)).astype(np.uint8)
-    given = [np.stack([ramp, ramp + 2 * k, 255 - ramp], axis=-1) for k in range(movie.count)]
+    stacks = [np.stack([ramp, ramp + 2 * k, 255 - ramp], axis=-1) for k in range(movie.count)]
     with open_encoder(movie, tmp_path / "fold.gif") as add:
-        for picture in given:
+        for picture in stacks:
             add(picture)
     with Image.open(tmp_path / "fold.gif") as gif:
         assert gif.info["loop"] == 0
@@ -265,8 +267,8 @@ def test_gif_without_ffmpeg_has_its_pictures_colours_and_times(
         for k in range(movie.count):
             gif.seek(k)
             ends.append(ends[-1] + gif.info["duration"])
-            shown = np.asarray(gif.convert("RGB")).astype(int)
-            assert np.abs(shown - given[k]).mean() < 6
+            gif_pixels = np.asarray(gif.convert("RGB")).astype(int)
+            assert np.abs(gif_pixels - stacks[k]).mean() < 6
         assert ends == pytest.approx(1000 / 15 * np.arange(movie.count + 1), abs=5.01)
         with pytest.raises(EOFError):
             gif.seek(movie.count)

@@ -56,6 +56,6 @@ def test_scale_is_the_next_round_number(largest: float) -> None:
 def test_cube_shows_the_error_of_the_joint_that_it_carries() -> None:
     # Five modules: joints at modules 1, 2 and 3, two hinges each.
     errors = np.array([1.0, -2.0, 3.0, 0.0, np.nan, np.nan])
-    shown = module_errors(errors, CUBE, 5)
-    assert shown[:3].tolist() == [2.0, 2.0, 3.0]
-    assert np.isnan(shown[3:]).all()
+    error_colours = module_errors(errors, CUBE, 5)
+    assert error_colours[:3].tolist() == [2.0, 2.0, 3.0]
+    assert np.isnan(error_colours[3:]).all()

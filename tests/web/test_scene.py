@@ -70,10 +70,10 @@ def test_scene_marks_both_ends_above_the_ground_and_moves_all_cameras(
 def refusals(header: dict[str, Any]) -> set[str]:
     """Return types of a scene's messages that the view does not pass to viser's client."""
     bridge = (STATIC / "js/viewer/bridge.js").read_text(encoding="utf-8")
-    taken = set(re.findall(r'"(\w+Message)"', bridge.partition("SHOWN")[2].partition("]")[0]))
+    matches = set(re.findall(r'"(\w+Message)"', bridge.partition("SHOWN")[2].partition("]")[0]))
     # None of them contains text that could be a script; the links of a theme are removed.
-    assert not [name for name in taken if re.search("Gui|Notification|Html|Label", name)]
-    return {message["type"] for message in header["messages"]} - taken
+    assert not [name for name in matches if re.search("Gui|Notification|Html|Label", name)]
+    return {message["type"] for message in header["messages"]} - matches
 
 
 def test_bundle_has_the_nodes_properties_and_chain_that_pages_use(chain: Chain) -> None:
@@ -110,11 +110,11 @@ def test_viser_has_the_messages_that_pages_make() -> None:
 
 
 def test_chains_of_one_kind_and_length_differ_only_in_shape() -> None:
-    one, two = (
+    first_scene, two = (
         Chain.from_angles(TETRAHEDRON, np.deg2rad(angles), name=name)
         for angles, name in (([90.0, 90.0], "a"), ([-90.0, 90.0], "b"))
     )
-    first, second = decode(bundle_of(one)), decode(bundle_of(two))
+    first, second = decode(bundle_of(first_scene)), decode(bundle_of(two))
     assert first[0]["messages"] == second[0]["messages"]
     assert (first[0]["chain"]["name"], second[0]["chain"]["name"]) == ("a", "b")
     assert not np.allclose(first[1]["folded_rad"], second[1]["folded_rad"])
@@ -123,20 +123,20 @@ def test_chains_of_one_kind_and_length_differ_only_in_shape() -> None:
 def test_scenes_do_not_wait_for_each_other_and_leave_no_server(chain: Chain) -> None:
     before = threading.active_count()
     with viser_scene(chain):
-        other = Chain.from_angles(TETRAHEDRON, np.deg2rad([90.0] * 5), name="d")
-        made = threading.Thread(target=bundle_of, args=(other,), daemon=True)
-        made.start()
-        made.join(20.0)
-        assert not made.is_alive()
+        other_chain = Chain.from_angles(TETRAHEDRON, np.deg2rad([90.0] * 5), name="d")
+        thread = threading.Thread(target=bundle_of, args=(other_chain,), daemon=True)
+        thread.start()
+        thread.join(20.0)
+        assert not thread.is_alive()
     assert threading.active_count() <= before
 
 
 ROW = [[x, 0, 0] for x in range(4)]
 
 
-def report(**more: Any) -> dict[str, Any]:
+def report(**extra: Any) -> dict[str, Any]:
     cells = dict.fromkeys(("cells", "positions", "line"), ROW)
-    return {"module": "cube", "has_path": True, "wxyzs": None, "mesh": None, **cells, **more}
+    return {"module": "cube", "has_path": True, "wxyzs": None, "mesh": None, **cells, **extra}
 
 
 def hull_of(header: dict[str, Any]) -> np.ndarray:
@@ -158,8 +158,12 @@ def test_layers_are_nodes_and_cells_with_a_path_are_transparent() -> None:
     assert nodes["/cells"]["opacity"] == header["colours"]["ghost_opacity"]
     assert arrays["cells"].tolist() == ROW
     assert (arrays["colours"][0] != arrays["colours"][-1]).any()  # from first to last
-    shown = {m["name"]: m["visible"] for m in header["messages"] if "visible" in m}
-    assert (shown["/selected"], shown["/cells"], shown["/path"]) == (False, True, True)
+    visible_names = {m["name"]: m["visible"] for m in header["messages"] if "visible" in m}
+    assert (visible_names["/selected"], visible_names["/cells"], visible_names["/path"]) == (
+        False,
+        True,
+        True,
+    )
     _, _, nodes = read_bundle(report(cells=[], positions=None, has_path=False, mesh=mesh))
     assert "/solid" in nodes and "/cells" not in nodes
 

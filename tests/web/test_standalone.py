@@ -46,17 +46,17 @@ def test_plan_is_in_the_page_and_proved_from_there(
     if not simulated:
         timeline = round_trip(tmp_path / "timeline.zarr", Plan.load(plan))
     parts = parts_of(timeline, plan)
-    (held := tmp_path / "held.npz").write_bytes(base64.b64decode(parts["plan"]))
-    whole, part = (foldback_check.check(path) for path in (plan, held))
+    (held_plan := tmp_path / "held.npz").write_bytes(base64.b64decode(parts["plan"]))
+    whole_check, part = (foldback_check.check(path) for path in (plan, held_plan))
     assert part["verdict"] == "proved"
-    assert part["clearance"] == whole["clearance"]
-    assert foldback_check.Plan(held).digest == foldback_check.Plan(plan).digest
+    assert part["clearance"] == whole_check["clearance"]
+    assert foldback_check.Plan(held_plan).digest == foldback_check.Plan(plan).digest
     # The angles of robots with errors differ from the plan's; other angles are in the page once.
     header, columns = decode(base64.b64decode(parts["batch"]))
     assert header["total"] == len(TimelineView(timeline))
-    _, shown = decode(batch_of(TimelineView(timeline)))
+    _, frame_columns = decode(batch_of(TimelineView(timeline)))
     missing = set() if simulated else WINDOW_ANGLES
-    assert columns.keys() == shown.keys() - missing
+    assert columns.keys() == frame_columns.keys() - missing
 
 
 def test_motion_that_is_thinned_comes_without_the_plan(

@@ -20,21 +20,21 @@ def test_scripts_lose_only_comments() -> None:
         with case(name):
             untyped = ((line, TYPE.sub("", line)) for line in text_of(name).splitlines())
             lines = [code if code.strip() else line for line, code in untyped]
-            kept = code_of(name).splitlines()
-            gone: list[str] = []
+            kept_lines = code_of(name).splitlines()
+            removed_lines: list[str] = []
             inside = False
-            for what, begin, end, other, last in SequenceMatcher(
-                None, lines, kept, autojunk=False
+            for change_kind, start, end, second, last in SequenceMatcher(
+                None, lines, kept_lines, autojunk=False
             ).get_opcodes():
-                assert what in ("equal", "delete"), lines[begin:end]
-                gone += lines[begin:end] if what == "delete" else []
-                if what == "delete":
-                    assert not inside, f"a text over several lines: {lines[begin]}"
-                for line in kept[other:last]:
+                assert change_kind in ("equal", "delete"), lines[start:end]
+                removed_lines += lines[start:end] if change_kind == "delete" else []
+                if change_kind == "delete":
+                    assert not inside, f"a text over several lines: {lines[start]}"
+                for line in kept_lines[second:last]:
                     inside ^= len(re.findall(r"(?<!\\)`", line)) % 2 == 1
             comment = re.compile(r"\s*(//|/\*\*|\*)")
-            assert all(comment.match(line) for line in gone), gone
-            assert inside or not any(re.match(r"\s*(//|/\*\*)", line) for line in kept)
+            assert all(comment.match(line) for line in removed_lines), removed_lines
+            assert inside or not any(re.match(r"\s*(//|/\*\*)", line) for line in kept_lines)
 
 
 def test_scripts_of_a_page_are_imported_at_once_or_later() -> None:
@@ -53,8 +53,8 @@ def test_scripts_of_a_page_are_imported_at_once_or_later() -> None:
 
 
 def test_page_loads_no_more_scripts_at_once_than_its_requests_allow() -> None:
-    for name, most in MAX_SCRIPTS.items():
-        assert len(scripts_of(f"js/pages/{name}.js", later=False)) <= most, name
+    for name, maximum in MAX_SCRIPTS.items():
+        assert len(scripts_of(f"js/pages/{name}.js", later=False)) <= maximum, name
 
 
 def test_types_of_answers_are_those_of_the_description() -> None:

@@ -63,16 +63,18 @@ def test_margins_are_rounded_down_and_name_their_limit() -> None:
         "failure_probability": 0.05,
     }
     limit = "modules 1 and 159 set this limit near frame 43 of the plan"
-    shown = dict(rows(SIMULATED | {"margins": margins}))
-    assert shown["Margin for the module size"] == (
+    shown_rows = dict(rows(SIMULATED | {"margins": margins}))
+    assert shown_rows["Margin for the module size"] == (
         f"each module may fill up to 99.5 % of the spacing; {limit}"
     )
     assert (
-        shown["Margin for an error in one hinge"]
+        shown_rows["Margin for an error in one hinge"]
         == f"up to 0.17° if all other hinges are exact; {limit}"
     )
-    assert str(shown["Margin for random errors in all hinges"]).startswith("up to 0.0022° in each ")
-    assert "5 of 100 robots" in str(shown["Margin for random errors in all hinges"])
+    assert str(shown_rows["Margin for random errors in all hinges"]).startswith(
+        "up to 0.0022° in each "
+    )
+    assert "5 of 100 robots" in str(shown_rows["Margin for random errors in all hinges"])
     assert "Margin for an error in one hinge" not in dict(rows(SIMULATED))
 
 
@@ -115,12 +117,12 @@ def test_text_about_the_base_on_a_table() -> None:
         (0.2, "free", "μ = 0.2 and no clamped module", "not clamped; the chain may drift"),
         (0.2, "clamped", "and a clamped first module", "the first module is clamped"),
     )
-    for friction, base, words, held in cases:
-        found = table_certificate(chain, motion, friction=friction, base=base)
-        text = on_table({"table": found.as_dict()}, None)
+    for friction, base, words, is_fixed in cases:
+        computed_table_certificate = table_certificate(chain, motion, friction=friction, base=base)
+        text = on_table({"table": computed_table_certificate.as_dict()}, None)
         assert words in text["text"]
-        assert held in dict(text["rows"])["Base"]
-    found = table_certificate(chain, motion, friction=0.2, base="free")
+        assert is_fixed in dict(text["rows"])["Base"]
+    computed_table_certificate = table_certificate(chain, motion, friction=0.2, base="free")
     for wp, pitch_m, words in ((12, 0.05, "least 5"), (12, 0.1, "most 7"), (1e4, 0.1, "however")):
-        table = replace(found, torque=wp, pitch_m=pitch_m).as_dict()
+        table = replace(computed_table_certificate, torque=wp, pitch_m=pitch_m).as_dict()
         assert words in on_table({"table": table}, None)["servos"]

@@ -20,11 +20,13 @@ QUICK = {"fold_time_s": 20.0, "peak_torque_nm": 0.001, "clearance_bound": 0.0312
 SMOOTH = {"fold_time_s": 10.0, "peak_torque_nm": 0.03, "clearance_bound": 0.03129}
 
 
-def attempt(strategy: str, figures: dict[str, float] | None, **more: Any) -> dict[str, Any]:
-    known = {} if figures is None else {"figures": {**FIGURES, **figures}}
-    verdict = {} if figures is None else {"verified": True}
+def attempt(
+    strategy: str, attempt_figures: dict[str, float] | None, **extra: Any
+) -> dict[str, Any]:
+    expected = {} if attempt_figures is None else {"figures": {**FIGURES, **attempt_figures}}
+    verdict = {} if attempt_figures is None else {"verified": True}
     values = {"candidate": 0, "seed": 0, "strategy": strategy, "status": "straight", "steps": 1}
-    return {**values, "seconds": 2.0, **verdict, **known, **more}
+    return {**values, "seconds": 2.0, **verdict, **expected, **extra}
 
 
 ATTEMPTS = (
@@ -36,9 +38,12 @@ ATTEMPTS = (
 )
 
 
-def write_attempts(directory: Path, chosen: int, *tried: dict[str, Any]) -> Path:
-    values = [{**each, "chosen": True} if k == chosen else each for k, each in enumerate(tried)]
-    (directory / "attempts.json").write_text(json.dumps(values))
+def write_attempts(directory: Path, chosen_index: int, *attempts: dict[str, Any]) -> Path:
+    attempt_rows = [
+        {**attempt, "chosen": True} if k == chosen_index else attempt
+        for k, attempt in enumerate(attempts)
+    ]
+    (directory / "attempts.json").write_text(json.dumps(attempt_rows))
     return directory
 
 
@@ -59,8 +64,8 @@ def test_text_has_gain_and_cost_of_the_chosen_plan(tmp_path: Path) -> None:
             "move at once",
         ),
     )
-    for prefer, chosen, text in cases:
-        choice = choice_of(write_attempts(tmp_path, chosen, *ATTEMPTS), prefer)
+    for prefer, chosen_row, text in cases:
+        choice = choice_of(write_attempts(tmp_path, chosen_row, *ATTEMPTS), prefer)
         assert choice["text"] == f"{text}. Finding this plan took 11 s of additional computing."
         assert choice["seconds"] == 100.0, "of those that are verified"
         assert [plan["chosen"] for plan in choice["plans"]].count(True) == 1
@@ -79,8 +84,10 @@ def test_plans_have_labels_and_rows(tmp_path: Path) -> None:
     calm = choice_of(write_attempts(tmp_path, 3, *ATTEMPTS), "calm")
     assert calm["plans"][1]["moving"] == 7.2
     assert calm["plans"][1]["cells"] == ["20", "1.03", "7", "0.0312", "3"]
-    for each in (choice, calm):
-        assert all(len(plan["cells"]) == len(each["columns"]) - 1 for plan in each["plans"])
+    for plan_choice in (choice, calm):
+        assert all(
+            len(plan["cells"]) == len(plan_choice["columns"]) - 1 for plan in plan_choice["plans"]
+        )
 
 
 def test_no_choice_without_a_preference_or_a_plan(tmp_path: Path) -> None:
@@ -94,8 +101,8 @@ def test_no_choice_without_a_preference_or_a_plan(tmp_path: Path) -> None:
 def test_command_line_prints_the_choice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     show_choice(choice_of(write_attempts(tmp_path, 3, *ATTEMPTS), "time"))
     lines = capsys.readouterr().out.splitlines()
-    (chosen,) = (line for line in lines if line.startswith("→"))
-    assert "4. Plan 3, smoothed" in chosen
+    (chosen_line,) = (line for line in lines if line.startswith("→"))
+    assert "4. Plan 3, smoothed" in chosen_line
     assert "10 s instead of 100 s. Finding this plan took 11 s of additional" in lines[-1]
     show_choice(None)
     assert not capsys.readouterr().out

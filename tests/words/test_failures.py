@@ -32,22 +32,31 @@ CROSSINGS = [(0.5, 3.5), (2.5, 5.5), (4.5, 1.5)]
 def trefoil(sign: int) -> KnotFigures:
     """Return a knot with three crossings of a sign."""
     diagram = [{"over": over, "under": under, "sign": sign} for over, under in CROSSINGS]
-    known = {"kind": "knot", "determinant": 3, "crossings": 3, "closings": [[]], "polygon": []}
-    return cast("KnotFigures", {**known, "sight": [0.0, 0.0, 1.0], "diagram": diagram})
+    knot_evidence = {
+        "kind": "knot",
+        "determinant": 3,
+        "crossings": 3,
+        "closings": [[]],
+        "polygon": [],
+    }
+    return cast("KnotFigures", {**knot_evidence, "sight": [0.0, 0.0, 1.0], "diagram": diagram})
 
 
 def test_knot_is_drawn_with_a_gap_at_each_crossing() -> None:
     stuck = {**KNOT, "evidence": trefoil(1)}
-    shown = failure(row(), {"stuck": stuck})
-    assert shown is not None and shown["heading"] == "The chain is knotted"
-    drawn = shown["knot"]
+    failure_page = failure(row(), {"stuck": stuck})
+    assert failure_page is not None and failure_page["heading"] == "The chain is knotted"
+    drawn = failure_page["knot"]
     assert drawn is not None and len(drawn["strokes"]) == 3
     assert drawn["label"] == "A knot with 3 crossings, determinant 3"
     numbers = [float(n) for n in re.findall(r"[\d.]+", " ".join(drawn["strokes"]))]
     assert min(numbers) > 0.0 and max(numbers) < drawn["side"]
     # Its mirror image is drawn as the mirror image.
-    other = drawing_of(trefoil(-1))
-    assert other is not None and [_signs(drawn), _signs(other)] == [[1, 1, 1], [-1, -1, -1]]
+    other_drawing = drawing_of(trefoil(-1))
+    assert other_drawing is not None and [_signs(drawn), _signs(other_drawing)] == [
+        [1, 1, 1],
+        [-1, -1, -1],
+    ]
 
 
 def _signs(drawn: KnotDrawing) -> list[int]:
@@ -57,8 +66,8 @@ def _signs(drawn: KnotDrawing) -> list[int]:
         for stroke in drawn["strokes"]
     ]
     signs: list[int] = []
-    for one, two in zip(strokes, [*strokes[1:], strokes[0]], strict=True):
-        middle, under = (one[-1] + two[0]) / 2, two[0] - one[-1]
+    for one_stroke, two in zip(strokes, [*strokes[1:], strokes[0]], strict=True):
+        middle, under = (one_stroke[-1] + two[0]) / 2, two[0] - one_stroke[-1]
         _, over = min(
             (float(np.linalg.norm(stroke[k] - middle)), tuple(stroke[k + 1] - stroke[k - 1]))
             for stroke in strokes
@@ -73,28 +82,38 @@ def test_failure_lists_blocks_and_budgets() -> None:
     move = {"direction": [0, -1, 0], "moved": 0.5, "modules": [5, 2], "overlap": 0.45}
     evidence = {"kind": "blocks", "module_size": 0.95, "bent_above_rad": 0.1, "first_hinge": 0}
     evidence |= {"turns": [turn], "unit": [5, 7], "moves": [move]}
-    shown = failure(row(), {"stuck": {**KNOT, "kind": "buried", "evidence": evidence}})
-    assert shown is not None and shown["heading"] == "Stalled: modules blocked each other"
-    assert shown["blocks"] == [
+    failure_page = failure(row(), {"stuck": {**KNOT, "kind": "buried", "evidence": evidence}})
+    assert (
+        failure_page is not None
+        and failure_page["heading"] == "Stalled: modules blocked each other"
+    )
+    assert failure_page["blocks"] == [
         "If hinge 7 at module 5 turns by 2°, modules 5 and 10 overlap by 1.2 % of the spacing",
         "If the part that unfolds next moves by 50 % of the spacing along −y, modules 6 and 3 "
         "overlap by 45 % of the spacing",
     ]
-    many = {**evidence, "turns": 30 * [turn]}
-    shown = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": many}})
-    assert shown is not None and shown["blocks"][-1] == "7 more motions are blocked in the same way"
+    many_turns = {**evidence, "turns": 30 * [turn]}
+    failure_page = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": many_turns}})
+    assert (
+        failure_page is not None
+        and failure_page["blocks"][-1] == "7 more motions are blocked in the same way"
+    )
     turns = {
         "kind": "quarter_turns",
         "module_size": 0.95,
         "turns": [{**turn, "turned_rad": -0.785}, turn],
     }
-    shown = failure(row(), {"stuck": {**KNOT, "kind": "blocked", "evidence": turns}})
-    assert shown is not None and shown["heading"] == "No single joint can turn"
-    assert shown["blocks"][0].startswith("If hinge 7 at module 5 turns by −45°, modules 5 and 10")
+    failure_page = failure(row(), {"stuck": {**KNOT, "kind": "blocked", "evidence": turns}})
+    assert failure_page is not None and failure_page["heading"] == "No single joint can turn"
+    assert failure_page["blocks"][0].startswith(
+        "If hinge 7 at module 5 turns by −45°, modules 5 and 10"
+    )
     budget = {"kind": "budget", "spent": "steps", "allowed": 9, "used": 9, "bent_hinges": 1}
     budget["largest_bend_rad"] = 0.2
-    shown = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": budget}})
-    assert shown is not None and shown["heading"] == "Stalled: too many simulation steps"
+    failure_page = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": budget}})
+    assert (
+        failure_page is not None and failure_page["heading"] == "Stalled: too many simulation steps"
+    )
     assert set(get_args(SpentKind)) <= FAILURE_HEADINGS.keys()
 
 
@@ -102,31 +121,38 @@ def test_failure_by_a_limit_names_the_limit_and_the_progress() -> None:
     stuck = {"kind": "stopped", "modules": [3, 8], "words": "the chain was still unfolding"}
     stuck["evidence"] = None
     error = {"code": "time-limit", "detail": "unfolding took long.", "where": "explode"}
-    shown = failure(row(error=error), {"stuck": stuck})
-    assert shown["text"] == "Unfolding took long. The chain was still unfolding."
+    failure_page = failure(row(error=error), {"stuck": stuck})
+    assert failure_page["text"] == "Unfolding took long. The chain was still unfolding."
     # Completed stages are not reported as running.
     detail = {"detail": "the clearance check exceeded its limit of 5 s"}
-    shown = failure(row(error=detail, stage="certify"), {"stuck": stuck})
-    assert shown is not None and shown["text"] == "The clearance check exceeded its limit of 5 s."
+    failure_page = failure(row(error=detail, stage="certify"), {"stuck": stuck})
+    assert (
+        failure_page is not None
+        and failure_page["text"] == "The clearance check exceeded its limit of 5 s."
+    )
     assert failure(row("cancelled"), {"stuck": stuck}) is None  # nothing stalled
 
 
 def test_failure_by_an_overlap_has_its_frame() -> None:
     place = {"frame": 12.5, "modules": [3, 7]}
-    found = {"min_clearance": -0.0119, "min_clearance_at": place, "min_clearance_playback": 0.0}
-    certificate = {"module_size": 1.0, **found, "min_clearance_playback_at": None}
+    summary_values = {
+        "min_clearance": -0.0119,
+        "min_clearance_at": place,
+        "min_clearance_playback": 0.0,
+    }
+    certificate = {"module_size": 1.0, **summary_values, "min_clearance_playback_at": None}
     summary = {"certificate": certificate, "explosion": {"frames": 200}, "refold": None}
-    shown = failure(row(), summary)
-    assert shown is not None and shown["heading"] == "Modules overlap"
-    assert shown["text"] == (
+    failure_page = failure(row(), summary)
+    assert failure_page is not None and failure_page["heading"] == "Modules overlap"
+    assert failure_page["text"] == (
         "In the plan, modules 4 and 8 overlap by 1.19 % of the spacing "
         "(each module fills 100 % of the spacing)."
     )
-    assert (shown["modules"], shown["frame"]) == ([3, 7], 212.5)
+    assert (failure_page["modules"], failure_page["frame"]) == ([3, 7], 212.5)
     # Their timelines contain only their own plans.
     for alone in ({"refold": {"start": "a"}}, {"smoothing": {"way": "smoothed"}}):
-        found = failure(row(), {**summary, **alone})
-        assert found is not None and found["frame"] == 12.5
+        summary_values = failure(row(), {**summary, **alone})
+        assert summary_values is not None and summary_values["frame"] == 12.5
 
 
 def test_failure_of_a_playback_that_ends_elsewhere() -> None:
@@ -134,10 +160,10 @@ def test_failure_of_a_playback_that_ends_elsewhere() -> None:
         reason = {"code": code, "values": values}
         return {"certificate": {"min_clearance": 0.1, "verified": False, "reason": reason}}
 
-    shown = failure(row(), summary("playback-end", error=1.0))
-    assert shown["heading"] == "The chain does not end in its target shape"
-    assert shown["modules"] == []
-    assert shown["text"] == (
+    failure_page = failure(row(), summary("playback-end", error=1.0))
+    assert failure_page["heading"] == "The chain does not end in its target shape"
+    assert failure_page["modules"] == []
+    assert failure_page["text"] == (
         "The playback ends one spacing on average (root mean square) from the folded shape."
     )
     beyond = failure(row(), summary("no-playback"))
@@ -148,16 +174,22 @@ def test_attempts_are_listed_with_strategy_and_outcome(tmp_path: Path) -> None:
     assert attempts(tmp_path) == []
     values = {"motion": "plan", "modules": [1, 3], "frame": 3.0}
     touch = {"code": "touch", "values": values}
-    made = {"candidate": 0, "seed": 4, "strategy": "simultaneous", "steps": 8400}
-    tried = [
-        {**made, "status": "stalled", "diagnosis": KNOT, "verified": False, "refusal": touch},
-        {**made, "strategy": "peel", "status": "timeout", "diagnosis": None},
-        {**made, "status": "straight", "verified": False, "refusal": touch},
-        {**made, "status": "straight", "verified": True, "finer": 4, "candidate": 1},
-        {**made, "status": "straight"},
+    attempt_values = {"candidate": 0, "seed": 4, "strategy": "simultaneous", "steps": 8400}
+    attempt_rows = [
+        {
+            **attempt_values,
+            "status": "stalled",
+            "diagnosis": KNOT,
+            "verified": False,
+            "refusal": touch,
+        },
+        {**attempt_values, "strategy": "peel", "status": "timeout", "diagnosis": None},
+        {**attempt_values, "status": "straight", "verified": False, "refusal": touch},
+        {**attempt_values, "status": "straight", "verified": True, "finer": 4, "candidate": 1},
+        {**attempt_values, "status": "straight"},
         {"candidate": 1, "seed": 4, "strategy": "peel", "status": "begun"},
     ]
-    (tmp_path / "attempts.json").write_text(json.dumps(tried))
+    (tmp_path / "attempts.json").write_text(json.dumps(attempt_rows))
     ends = {
         "Stalled after 8400 steps: the chain is knotted": "bad",
         "Not straight after 8400 steps": "bad",

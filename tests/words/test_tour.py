@@ -89,7 +89,7 @@ def test_invalid_tour_is_refused_with_its_place() -> None:
         **{"colour": ("<b>",), "follow": (0,), "path": ("yes",), "from": (2,)},
     }
     changes: list[tuple[dict[str, Any], str]] = [
-        *(({name: value}, name) for name, each in values.items() for value in each),
+        *(({name: value}, name) for name, element in values.items() for value in element),
         ({"more": 1}, "stop 1"),
         ({"from": 3, "to": 3}, "from"),
         ({"from": 3, "to": 8}, "to"),
@@ -112,9 +112,9 @@ def test_draft_has_each_moment_in_order_with_the_figures_of_the_certificate() ->
     assert drafted is not None
     assert drafted.title == "Wrench"
     certificate = cast(CertificateFigures, CERTIFICATE)
-    found = [(stop.frame, stop.modules) for stop in drafted.stops]
+    frames = [(stop.frame, stop.modules) for stop in drafted.stops]
     pairs = {1473: (21, 32), 1501: (80, 81), 2001: (4, 59), 2501: (6, 91)}
-    assert found == [(965, ()), *pairs.items(), (3001, ()), (5000, ())]
+    assert frames == [(965, ()), *pairs.items(), (3001, ()), (5000, ())]
     texts = [stop.caption for stop in drafted.stops]
     assert "160 cubes in a row, with 158 joints" in texts[0]
     assert "modules 21 and 32 are 4.89 % of the spacing apart" in texts[1]
@@ -158,12 +158,12 @@ def test_draft_of_a_plan_that_rests_shows_its_steps() -> None:
         assert drafted is not None
         assert len(drafted.stops) <= MAX_STOPS
         assert Tour.from_dict(drafted.as_dict(), frames=5000, modules=160) == drafted
-        shown = drafted.stops[1:-1]
+        stops = drafted.stops[1:-1]
         if count == 3:
-            assert [stop.caption for stop in shown] == [f"Step {k} of 3. Turn." for k in (1, 2, 3)]
-            assert [(stop.frame, stop.modules) for stop in shown] == [
+            assert [stop.caption for stop in stops] == [f"Step {k} of 3. Turn." for k in (1, 2, 3)]
+            assert [(stop.frame, stop.modules) for stop in stops] == [
                 (1011 + 10 * k, (k + 1,)) for k in range(3)
             ]
         else:
-            assert shown[0].caption == "Steps 1 to 3 of 90: turns at modules 1, 2, 3."
-            assert (len(shown), shown[-1].frame) == (30, 1000 + 10 * 90 + 1)
+            assert stops[0].caption == "Steps 1 to 3 of 90: turns at modules 1, 2, 3."
+            assert (len(stops), stops[-1].frame) == (30, 1000 + 10 * 90 + 1)

@@ -48,8 +48,10 @@ def test_camera_distance_is_the_smallest_that_suffices() -> None:
     line = np.arange(-80, 81)[:, None] * [0.5, 0.8, 0.1]
     view = framing(line, radius=0.0, aspect=0.5)
     view = replace(view, target=view.target + [3.0, 1.0, 2.0])
-    least = distance_needed(line, view, radius=0.0, aspect=0.5)
-    assert np.abs(project(line, replace(view, distance=least), 0.5)).max() == pytest.approx(1.0)
+    smallest_distance_needed = distance_needed(line, view, radius=0.0, aspect=0.5)
+    assert np.abs(
+        project(line, replace(view, distance=smallest_distance_needed), 0.5)
+    ).max() == pytest.approx(1.0)
 
 
 FPS = 30.0
@@ -64,9 +66,9 @@ def folding(count: int = 90) -> list[np.ndarray]:
 
 
 def path_of(pictures: list[np.ndarray], **options: Any) -> CameraPath:
-    given = {"azimuth_rad": None, "elevation_rad": 0.4, "turn_rad": 0.0, **options}
+    arguments = {"azimuth_rad": None, "elevation_rad": 0.4, "turn_rad": 0.0, **options}
     lows = np.array([points[:, 2].min() for points in pictures])
-    return camera_path(pictures, lows=lows, radius=RADIUS, aspect=ASPECT, fps=FPS, **given)
+    return camera_path(pictures, lows=lows, radius=RADIUS, aspect=ASPECT, fps=FPS, **arguments)
 
 
 def test_no_module_is_cut_off() -> None:

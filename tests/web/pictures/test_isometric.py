@@ -41,8 +41,8 @@ def test_hidden_cell_is_left_out_and_half_a_face_is_drawn() -> None:
 
 def test_axes_point_as_in_the_3d_view_with_z_upward() -> None:
     def middle(cell: tuple[int, int, int]) -> np.ndarray:
-        left, top, width, height = map(float, drawing([cell]).get("viewBox", "").split())
-        return np.array([left + width / 2, top + height / 2])
+        left_px, top, width, height = map(float, drawing([cell]).get("viewBox", "").split())
+        return np.array([left_px + width / 2, top + height / 2])
 
     x, y, z = (middle(tuple(cell)) - middle((0, 0, 0)) for cell in np.eye(3, dtype=int).tolist())
     assert min(x) > 0
@@ -51,12 +51,12 @@ def test_axes_point_as_in_the_3d_view_with_z_upward() -> None:
 
 
 def assert_within_view(root: ElementTree.Element) -> None:
-    left, top, width, height = (float(v) for v in root.get("viewBox", "").split())
+    left_px, top, width, height = (float(v) for v in root.get("viewBox", "").split())
     text = "".join(path.get("d", "") for path in root.iter(f"{SVG}path"))
     points = np.array(re.findall(r"[ML](-?[\d.]+) ?(-?[\d.]+)", text), dtype=float)
     assert len(points)
-    assert (points >= [left, top]).all()
-    assert (points <= [left + width, top + height]).all()
+    assert (points >= [left_px, top]).all()
+    assert (points <= [left_px + width, top + height]).all()
 
 
 def test_isometric_odd_and_added_cells_have_colours_of_their_own() -> None:

@@ -11,9 +11,9 @@ VIEW = View(target=np.zeros(3), azimuth_rad=0.7, elevation_rad=0.4, distance=9.0
 UPWARDS = np.array([0.0, 0.0, 1.0])
 
 
-def light_on_top(*others: tuple[float, float, float]) -> tuple[float, float]:
+def light_on_top(*light_directions: tuple[float, float, float]) -> tuple[float, float]:
     """Return the light on the upper face of a cube at the origin, with a light straight above."""
-    positions = np.array([(0.0, 0.0, 0.0), *others])
+    positions = np.array([(0.0, 0.0, 0.0), *light_directions])
     middles = positions[:, None] + 0.465 * UPWARDS
     normals = np.tile(UPWARDS, (len(positions), 1, 1))
     sky, lit = face_light(middles, normals, positions, radius=0.56, towards_light=UPWARDS)
@@ -25,10 +25,10 @@ def test_light_is_reflected_evenly_upwards_and_sideways() -> None:
     assert light_on_top((0, 0, 1)) == pytest.approx((0.0, 0.0), abs=0.05)
     heights = np.linspace(1.0, MAX_OCCLUDER_DISTANCE + 1.0, 200)
     sky, lit = np.array([light_on_top((0.0, 0.0, h)) for h in heights]).T
-    for left in (sky, lit):
-        assert (np.diff(left) >= -1e-6).all()
-        assert np.abs(np.diff(left)).max() < 0.1
-        assert left[-1] == 1.0
+    for sky_light in (sky, lit):
+        assert (np.diff(sky_light) >= -1e-6).all()
+        assert np.abs(np.diff(sky_light)).max() < 0.1
+        assert sky_light[-1] == 1.0
     lit = np.array([light_on_top((x, 0.0, 2.0))[1] for x in np.linspace(0.0, 3.0, 200)])
     assert lit[0] < 0.3
     assert lit[-1] == 1.0

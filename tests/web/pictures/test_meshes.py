@@ -56,8 +56,8 @@ def test_faces_of_a_module_close_to_its_mesh_and_bevels_turn_aside(module: Modul
     triangles = [p.triangles + at for p, at in zip(pieces, offsets, strict=False)]
     assert_closed(np.concatenate([p.vertices for p in pieces]), np.concatenate(triangles))
     mesh = module_mesh(module)
-    whole = sum(volume(piece.vertices, piece.triangles) for piece in pieces)
-    assert whole == pytest.approx(volume(mesh.vertices, mesh.faces), rel=0.01)
+    volumes = sum(volume(piece.vertices, piece.triangles) for piece in pieces)
+    assert volumes == pytest.approx(volume(mesh.vertices, mesh.faces), rel=0.01)
     for piece in pieces:
         assert np.linalg.norm(piece.normals, axis=1) == pytest.approx(1.0)
         on = piece.vertices @ piece.normal > piece.middle @ piece.normal - 1e-9

@@ -22,23 +22,27 @@ def report(cells: list[list[int]], module: str = "cube") -> dict[str, Any]:
 def test_preview_of_a_path_is_the_drawing_of_its_fold() -> None:
     cells = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 1], [0, 1, 1]]
     data = json.dumps({"format": "foldback-path/1", "cells": cells}).encode()
-    found = prepare(data, None, PathOptions()).report()
+    computed_report = prepare(data, None, PathOptions()).report()
     chain = Chain.from_path(Path.from_cells(cells))
-    assert preview_svg(found) == chain_svg(chain, size=480)
+    assert preview_svg(computed_report) == chain_svg(chain, size=480)
 
 
 def test_preview_svg_without_a_path_colours_odd_and_added_cells() -> None:
-    found = report(CROSS)
-    assert not found["has_path"]
-    odd = [cell for problem in found["feasibility"]["problems"] for cell in problem["cells"]]
-    drawn = preview_svg(found, [[5, 0, 0]])
-    assert odd and drawn == isometric_svg(found["cells"], size=480, odd=odd, added=[[5, 0, 0]])
+    computed_report = report(CROSS)
+    assert not computed_report["has_path"]
+    odd = [
+        cell for problem in computed_report["feasibility"]["problems"] for cell in problem["cells"]
+    ]
+    drawn = preview_svg(computed_report, [[5, 0, 0]])
+    assert odd and drawn == isometric_svg(
+        computed_report["cells"], size=480, odd=odd, added=[[5, 0, 0]]
+    )
     assert drawn and "iso-odd-top" in drawn
 
 
 def test_tetrahedra_are_drawn_in_their_poses() -> None:
-    found = report(np.argwhere(np.ones((2, 2, 2))).tolist(), module="tetrahedron")
-    drawn = preview_svg(found) or ""
+    computed_report = report(np.argwhere(np.ones((2, 2, 2))).tolist(), module="tetrahedron")
+    drawn = preview_svg(computed_report) or ""
     assert drawn.startswith("<svg") and "iso-top" not in drawn
 
 

@@ -94,7 +94,7 @@ def test_social_picture_shows_verdict_moment_and_camera() -> None:
 
 
 def test_caption_leaves_out_letters_that_the_font_lacks() -> None:
-    shown = [Image.new("RGB", SOCIAL_PICTURE_PX) for _ in range(2)]
-    for picture, name in zip(shown, ("Fold", "Fold\u6298\u308a"), strict=True):
+    images = [Image.new("RGB", SOCIAL_PICTURE_PX) for _ in range(2)]
+    for picture, name in zip(images, ("Fold", "Fold\u6298\u308a"), strict=True):
         write_caption(picture, Caption(name, "Verified", "good"))
-    assert shown[0].tobytes() == shown[1].tobytes()
+    assert images[0].tobytes() == images[1].tobytes()

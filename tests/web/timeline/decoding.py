@@ -22,20 +22,20 @@ def decode(message: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     return header, {c["name"]: _column(c, message, 4 + length) for c in header.pop("columns")}
 
 
-def _column(told: dict[str, Any], message: bytes, start: int) -> NDArray[Any]:
-    at, dtype = start + told["at"], np.dtype(told["dtype"])
-    shape = told["shape"]
-    if "size" not in told:
+def _column(column_values: dict[str, Any], message: bytes, start: int) -> NDArray[Any]:
+    at, dtype = start + column_values["at"], np.dtype(column_values["dtype"])
+    shape = column_values["shape"]
+    if "size" not in column_values:
         return np.frombuffer(message, dtype, int(np.prod(shape)), at).reshape(shape)
-    planes = np.frombuffer(zlib.decompress(message[at : at + told["size"]]), np.uint8)
+    planes = np.frombuffer(zlib.decompress(message[at : at + column_values["size"]]), np.uint8)
     planes = planes.reshape(dtype.itemsize, -1)
-    if "step" in told:
+    if "step" in column_values:
         steps = whole_numbers(planes).reshape(shape)
-        for _ in range(told["differences"]):
+        for _ in range(column_values["differences"]):
             steps = steps.cumsum(axis=0)
-        return (steps * told["step"]).astype("<f4")
+        return (steps * column_values["step"]).astype("<f4")
     values = np.ascontiguousarray(planes.T).view(dtype).reshape(shape)
-    if told.get("short"):
+    if column_values.get("short"):
         return (values.astype("<u4") << 16).view("<f4")
     return values
 

@@ -23,12 +23,12 @@ def test_columns_are_decoded_as_encoded() -> None:
         "bytes": np.array([1, 2, 3], np.uint8),
         "signed": np.array([-5, 5], np.int32),
     }
-    header, found = decode(encode({"name": "a ⟶ b", "n": 3}, columns))
+    header, decoded_columns = decode(encode({"name": "a ⟶ b", "n": 3}, columns))
     assert header == {"name": "a ⟶ b", "n": 3}
-    assert found.keys() == columns.keys()
+    assert decoded_columns.keys() == columns.keys()
     for name, values in columns.items():
-        assert found[name].dtype == values.dtype
-        assert np.array_equal(found[name], values)
+        assert decoded_columns[name].dtype == values.dtype
+        assert np.array_equal(decoded_columns[name], values)
 
 
 def test_arrays_are_aligned_to_8_bytes() -> None:
@@ -40,8 +40,8 @@ def test_arrays_are_aligned_to_8_bytes() -> None:
 
 def test_steps_are_precise_to_half_a_step_and_save_space() -> None:
     angles = np.cumsum(np.random.default_rng(1).normal(0, 0.02, (200, 31)), axis=0)
-    _, found = decode(encode({}, {"a": angles}, steps={"a": 1e-5}))
-    assert np.abs(found["a"] - angles).max() <= 0.5e-5 + 1e-7 * np.abs(angles).max()
+    _, decoded_columns = decode(encode({}, {"a": angles}, steps={"a": 1e-5}))
+    assert np.abs(decoded_columns["a"] - angles).max() <= 0.5e-5 + 1e-7 * np.abs(angles).max()
     slow = np.sin(np.linspace(0, 3, 500))[:, None] * np.linspace(0, 1.5, 40)
     plain = encode({}, {"a": slow.astype("<f4")})
     assert len(encode({}, {"a": slow}, steps={"a": 2.0**-20})) < len(plain) / 3
@@ -49,21 +49,21 @@ def test_steps_are_precise_to_half_a_step_and_save_space() -> None:
 
 def test_short_numbers_keep_nan() -> None:
     values = np.array([[np.nan, 0.0, 1.0], [-2.7e-5, 3.14159, 1e-30]])
-    _, found = decode(encode({}, {"a": values}, short=frozenset({"a"})))
-    assert np.allclose(found["a"], values, rtol=1 / 256, equal_nan=True)
+    _, decoded_columns = decode(encode({}, {"a": values}, short=frozenset({"a"})))
+    assert np.allclose(decoded_columns["a"], values, rtol=1 / 256, equal_nan=True)
 
 
 def test_empty_columns_are_encoded() -> None:
-    _, found = decode(encode({}, {"a": np.zeros((0, 4))}, steps={"a": 0.1}))
-    assert found["a"].shape == (0, 4)
+    _, decoded_columns = decode(encode({}, {"a": np.zeros((0, 4))}, steps={"a": 0.1}))
+    assert decoded_columns["a"].shape == (0, 4)
 
 
 @pytest.mark.parametrize("odd", [np.nan, np.inf, 1e9])
 def test_values_outside_the_steps_are_sent_plainly(odd: float) -> None:
     angles = np.full((3, 2), 0.25)
     angles[1, 1] = odd
-    _, found = decode(encode({}, {"a": angles}, steps={"a": 2.0**-20}))
-    assert np.array_equal(found["a"], angles.astype("<f4"), equal_nan=True)
+    _, decoded_columns = decode(encode({}, {"a": angles}, steps={"a": 2.0**-20}))
+    assert np.array_equal(decoded_columns["a"], angles.astype("<f4"), equal_nan=True)
 
 
 def test_long_integers_are_refused() -> None:
@@ -84,21 +84,22 @@ def round_trip(windows: Motion) -> Motion:
     return windows_of(decode(message)[1], CHAIN.folded_rad)
 
 
-def assert_same(found: Motion, windows: Motion) -> None:
+def assert_same(motion: Motion, windows: Motion) -> None:
     for name in ("time_s", "phase", "first", "offsets", "anchor_position", "anchor_wxyz"):
-        assert np.array_equal(getattr(found, name), getattr(windows, name)), name
+        assert np.array_equal(getattr(motion, name), getattr(windows, name)), name
     assert (
-        np.abs(found.angles_rad - windows.angles_rad).max(initial=0.0) <= 0.51 * SENT_ANGLE_STEP_RAD
+        np.abs(motion.angles_rad - windows.angles_rad).max(initial=0.0)
+        <= 0.51 * SENT_ANGLE_STEP_RAD
     )
-    assert np.allclose(found.errors, windows.errors, rtol=1 / 256, atol=0.0, equal_nan=True)
-    assert np.array_equal(found.recorded, windows.recorded)
+    assert np.allclose(motion.errors, windows.errors, rtol=1 / 256, atol=0.0, equal_nan=True)
+    assert np.array_equal(motion.recorded, windows.recorded)
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-3])
 def test_windows_are_decoded_as_encoded(off: float) -> None:
     windows = long_folds.fold(CHAIN, width=20, step=1.3, base_moves=True, error_rad=off)
-    for some in (windows, windows[::40], windows[:0]):
-        assert_same(round_trip(some), some)
+    for window in (windows, windows[::40], windows[:0]):
+        assert_same(round_trip(window), window)
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-3])

@@ -36,8 +36,8 @@ def test_curves_and_stretches_are_those_of_the_figures(fold: Path) -> None:
     assert header["torque_at_some_frames"] is False
     assert np.allclose(arrays["min_clearance"], figures.min_clearance)
     assert header["largest"]["torque"] == pytest.approx(np.nanmax(figures.peak_torque_nm))
-    for name, whole in (("clearance", figures.clearance), ("nearest", figures.nearest)):
-        assert np.array_equal(join_up(fold, name), whole)
+    for name, figure_values in (("clearance", figures.clearance), ("nearest", figures.nearest)):
+        assert np.array_equal(join_up(fold, name), figure_values)
 
 
 def join_up(fold: Path, name: str) -> np.ndarray:
@@ -60,9 +60,9 @@ def test_position_errors_are_those_of_the_joint_errors(
     frame = int(np.nanargmax(np.nanmax(errors[first:], axis=1)))
     played = timeline.frames(first + frame, first + frame + 1)
     root = (played.root_position, played.root_wxyz)
-    there = plan.chain.poses(played.joint_angles_rad, *root).positions[0]
+    position = plan.chain.poses(played.joint_angles_rad, *root).positions[0]
     meant = plan.chain.poses(plan.joint_angles_rad[frame : frame + 1], *root).positions[0]
-    assert np.allclose(errors[first + frame], np.linalg.norm(there - meant, axis=1), atol=1e-6)
+    assert np.allclose(errors[first + frame], np.linalg.norm(position - meant, axis=1), atol=1e-6)
     assert errors[first + frame][plan.chain.root] == 0.0
     assert np.nanmax(errors) > 0.0
     largest = decode(curves_of(fold))[0]["largest"]["position_error"]

@@ -22,17 +22,17 @@ from tests.web.timeline.decoding import decode, windows_of
 
 
 def test_batch_holds_the_recorded_frames(timeline_path: Path) -> None:
-    header, found = decode(batch_of(TimelineView(timeline_path), 90, 130))
+    header, decoded_columns = decode(batch_of(TimelineView(timeline_path), 90, 130))
     frames = Timeline.open(timeline_path).frames(90, 130)
     assert (header["start"], header["stop"], header["total"]) == (90, 130, 200)
     assert header["status"] == "complete"
-    assert np.array_equal(found["time_s"], frames.time_s)
-    assert np.array_equal(found["phase"], frames.phase)
-    assert np.allclose(found["joint_angles_rad"], frames.joint_angles_rad, atol=6e-7)
-    assert np.allclose(found["root_position"], frames.root_position, atol=1e-6)
-    assert np.allclose(found["root_wxyz"], frames.root_wxyz, atol=1e-6)
+    assert np.array_equal(decoded_columns["time_s"], frames.time_s)
+    assert np.array_equal(decoded_columns["phase"], frames.phase)
+    assert np.allclose(decoded_columns["joint_angles_rad"], frames.joint_angles_rad, atol=6e-7)
+    assert np.allclose(decoded_columns["root_position"], frames.root_position, atol=1e-6)
+    assert np.allclose(decoded_columns["root_wxyz"], frames.root_wxyz, atol=1e-6)
     assert np.allclose(
-        found["joint_error_rad"], frames.joint_error_rad, rtol=1 / 256, equal_nan=True
+        decoded_columns["joint_error_rad"], frames.joint_error_rad, rtol=1 / 256, equal_nan=True
     )
     assert [p["name"] for p in header["outline"]["phases"]] == ["explosion", "playback"]
 
@@ -41,20 +41,20 @@ def test_batch_has_a_stride_and_a_largest_size_and_ends_with_the_timeline(
     timeline_path: Path,
 ) -> None:
     view, times = TimelineView(timeline_path), Timeline.open(timeline_path).frames().time_s
-    header, found = decode(batch_of(view, stride=50))
+    header, decoded_columns = decode(batch_of(view, stride=50))
     assert header["stride"] == 50
-    assert np.array_equal(found["time_s"], times[::50])
-    header, found = decode(batch_of(view, 10, largest=3000))
-    assert 1 <= len(found["time_s"]) < 20
-    assert header["stop"] == 10 + len(found["time_s"])
-    _, one = decode(batch_of(view, 10, largest=1))
-    assert len(one["time_s"]) == 1
-    header, found = decode(chosen(view, np.array([0, 3, 99, 150, 199])))
+    assert np.array_equal(decoded_columns["time_s"], times[::50])
+    header, decoded_columns = decode(batch_of(view, 10, largest=3000))
+    assert 1 <= len(decoded_columns["time_s"]) < 20
+    assert header["stop"] == 10 + len(decoded_columns["time_s"])
+    _, first = decode(batch_of(view, 10, largest=1))
+    assert len(first["time_s"]) == 1
+    header, decoded_columns = decode(chosen(view, np.array([0, 3, 99, 150, 199])))
     assert (header["total"], header["stride"]) == (5, 1)
-    assert np.array_equal(found["time_s"], times[[0, 3, 99, 150, 199]])
-    header, found = decode(batch_of(view, 999))
+    assert np.array_equal(decoded_columns["time_s"], times[[0, 3, 99, 150, 199]])
+    header, decoded_columns = decode(batch_of(view, 999))
     assert header["start"] == header["stop"] == 200
-    assert found["joint_angles_rad"].shape[0] == 0
+    assert decoded_columns["joint_angles_rad"].shape[0] == 0
 
 
 def test_batch_has_no_frames_of_a_timeline_that_was_replaced(
@@ -62,13 +62,13 @@ def test_batch_has_no_frames_of_a_timeline_that_was_replaced(
 ) -> None:
     path, _, _ = growing
     timeline, read = TimelineView(path), Timeline.motion
-    some = Timeline.open(path).frames(0, 3)
+    frames = Timeline.open(path).frames(0, 3)
 
-    def replaced_meanwhile(self: Timeline, *given: int) -> Motion:
-        found = read(self, *given)
+    def replaced_meanwhile(self: Timeline, *arguments: int) -> Motion:
+        read_frames = read(self, *arguments)
         with TimelineWriter.create(path, chain) as writer:
-            writer.append(some)
-        return found
+            writer.append(frames)
+        return read_frames
 
     monkeypatch.setattr(Timeline, "motion", replaced_meanwhile)
     with pytest.raises(TimelineError, match="is being replaced"):
@@ -85,9 +85,9 @@ def test_batch_of_a_finished_timeline_is_made_once(
     first = cached_batch(timeline, 3, 90, 7)
     assert first == batch_of(timeline, 3, 90, 7)
     # Another view of the same timeline does not read its frames again.
-    again = TimelineView(timeline_path)
+    second_timeline_view = TimelineView(timeline_path)
     monkeypatch.delattr(TimelineView, "motion")
-    assert cached_batch(again, 3, 90, 7) == first
+    assert cached_batch(second_timeline_view, 3, 90, 7) == first
 
 
 def test_batch_is_made_anew_when_its_timeline_grows(growing: Growing) -> None:
@@ -97,21 +97,21 @@ def test_batch_is_made_anew_when_its_timeline_grows(growing: Growing) -> None:
     assert first["total"] == 10
     add(5)
     timeline.refresh(at_once=True)
-    more, _ = decode(cached_batch(timeline, 10))
-    assert (more["start"], more["stop"], more["status"]) == (10, 15, "growing")
-    assert more["id"] == first["id"]
+    extra, _ = decode(cached_batch(timeline, 10))
+    assert (extra["start"], extra["stop"], extra["status"]) == (10, 15, "growing")
+    assert extra["id"] == first["id"]
     writer.close()
     timeline.refresh(at_once=True)
     assert decode(cached_batch(timeline))[0]["status"] == "complete"
-    some = Timeline.open(path).frames(0, 10)
+    frames = Timeline.open(path).frames(0, 10)
     with TimelineWriter.reopen(path, frames=5) as writer:  # as many frames as before
-        writer.append(some)
+        writer.append(frames)
     timeline.refresh(at_once=True)
     assert np.array_equal(
         decode(cached_batch(timeline))[1]["time_s"], Timeline.open(path).frames().time_s
     )
     with TimelineWriter.create(path, timeline.chain) as writer:
-        writer.append(some)
+        writer.append(frames)
     timeline.refresh(at_once=True)
     assert decode(cached_batch(timeline))[0]["id"] != first["id"]
 
@@ -132,9 +132,9 @@ def films(tmp_path_factory: pytest.TempPathFactory) -> list[TimelineView]:
 
 
 def test_long_fold_is_sent_as_windows(films: list[TimelineView]) -> None:
-    header, found = decode(batch_of(films[0], 30, 90, 4))
+    header, decoded_columns = decode(batch_of(films[0], 30, 90, 4))
     assert (header["start"], header["stop"], header["total"]) == (30, 90, len(LONG))
-    rows = windows_of(found, CHAIN.folded_rad)
+    rows = windows_of(decoded_columns, CHAIN.folded_rad)
     expected = LONG[30:90:4]
     assert np.array_equal(rows.time_s, expected.time_s)
     assert np.array_equal(rows.first, expected.first)
@@ -145,8 +145,8 @@ def test_long_fold_is_sent_as_windows(films: list[TimelineView]) -> None:
 
 def test_errors_of_a_simulated_long_fold_are_sent(films: list[TimelineView]) -> None:
     long_film, off_film = films
-    header, found = decode(batch_of(off_film))
-    rows = windows_of(found, CHAIN.folded_rad)
+    header, decoded_columns = decode(batch_of(off_film))
+    rows = windows_of(decoded_columns, CHAIN.folded_rad)
     assert np.array_equal(rows.recorded, OFF.phase == PHASES.index("playback"))
     assert np.allclose(rows.errors, OFF.errors, rtol=1 / 256, atol=0.0, equal_nan=True)
     errors = header["outline"]["errors"]
@@ -157,22 +157,24 @@ def test_errors_of_a_simulated_long_fold_are_sent(films: list[TimelineView]) -> 
 
 
 def test_long_batch_has_a_largest_size(films: list[TimelineView]) -> None:
-    seen: list[float] = []
+    read_times_s: list[float] = []
     start = 0
     while start < len(LONG):
-        header, found = decode(batch_of(films[1], start, stride=3, largest=12000))
+        header, decoded_columns = decode(batch_of(films[1], start, stride=3, largest=12000))
         assert header["start"] == start < header["stop"]
-        held = 4 * len(found["steps"]) + 4 * len(found.get("errors_rad", ()))
-        assert 80 * len(found["time_s"]) + held <= 12000
-        seen += found["time_s"].tolist()
+        fixed_bytes = 4 * len(decoded_columns["steps"]) + 4 * len(
+            decoded_columns.get("errors_rad", ())
+        )
+        assert 80 * len(decoded_columns["time_s"]) + fixed_bytes <= 12000
+        read_times_s += decoded_columns["time_s"].tolist()
         start = header["stop"] + -header["stop"] % 3
-    assert seen == LONG.time_s[::3].tolist()
+    assert read_times_s == LONG.time_s[::3].tolist()
     assert len(decode(batch_of(films[1], 10, largest=1))[1]["time_s"]) == 1
 
 
 def test_long_fold_is_thinned(films: list[TimelineView]) -> None:
-    header, found = decode(thinned(films[1], 10))
-    assert header["total"] == len(found["time_s"]) == len(range(0, len(LONG), 10)) + 1
-    assert found["time_s"][-1] == LONG.time_s[-1]
-    last = windows_of(found, CHAIN.folded_rad)[-1:]
+    header, decoded_columns = decode(thinned(films[1], 10))
+    assert header["total"] == len(decoded_columns["time_s"]) == len(range(0, len(LONG), 10)) + 1
+    assert decoded_columns["time_s"][-1] == LONG.time_s[-1]
+    last = windows_of(decoded_columns, CHAIN.folded_rad)[-1:]
     assert np.allclose(last.errors, OFF[-1:].errors, rtol=1 / 256)

@@ -40,9 +40,9 @@ def test_snapshot_is_interpolated_and_clipped_to_the_ends(timeline_path: Path) -
 def test_module_errors_are_those_of_the_timeline(timeline_path: Path) -> None:
     timeline = TimelineView(timeline_path)
     assert np.isnan(timeline.snapshot(50).module_error_rad).all()
-    shown = timeline.snapshot(199).module_error_rad
-    assert int(np.argmax(shown)) == 6
-    assert shown[6] == pytest.approx(FINAL_ERROR_RAD, rel=1e-5)
+    module_error_rad = timeline.snapshot(199).module_error_rad
+    assert int(np.argmax(module_error_rad)) == 6
+    assert module_error_rad[6] == pytest.approx(FINAL_ERROR_RAD, rel=1e-5)
     assert timeline.error_scale_rad == 5e-3
 
 
@@ -60,11 +60,13 @@ def test_outline_has_phases_and_the_largest_error(timeline_path: Path) -> None:
 def test_frames_are_the_same_with_a_cache_of_one_byte(
     timeline_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole = TimelineView(timeline_path)
+    timeline_view = TimelineView(timeline_path)
     monkeypatch.setattr("foldback.web.timeline.view.MAX_CHUNK_CACHE_BYTES", 1)
     timeline = TimelineView(timeline_path)
     for frame in range(199, -1, -9):
-        assert np.array_equal(timeline.snapshot(frame).positions, whole.snapshot(frame).positions)
+        assert np.array_equal(
+            timeline.snapshot(frame).positions, timeline_view.snapshot(frame).positions
+        )
 
 
 def test_growing_timeline_is_followed(growing: Growing) -> None:
@@ -88,8 +90,8 @@ def test_restarted_timeline_is_shown_from_its_start(growing: Growing, chain: Cha
     writer.close()
     for frames in (190, 5):
         before = timeline.snapshot(4)
-        with TimelineWriter.create(path, chain) as again:
-            again.append(unfolding(chain, frames))  # the same times, other angles
+        with TimelineWriter.create(path, chain) as second_writer:
+            second_writer.append(unfolding(chain, frames))  # the same times, other angles
         assert timeline.refresh(at_once=True)
         assert len(timeline) == frames
         assert np.abs(timeline.snapshot(4).positions - before.positions).max() > 0.1
@@ -118,10 +120,10 @@ def test_long_fold_is_posed_as_its_windows(long_path: Path) -> None:
     dense = LONG.dense(LONG_CHAIN)
     poses = LONG_CHAIN.poses(dense.joint_angles_rad, dense.root_position, dense.root_wxyz)
     for frame in (0, 77, len(LONG) - 1):
-        shown = timeline.snapshot(frame)
-        assert np.allclose(shown.positions, poses.positions[frame], atol=2e-5)
-        assert np.allclose(shown.joint_angles_rad, dense.joint_angles_rad[frame])
-        assert np.isnan(shown.module_error_rad).all()
+        snapshot = timeline.snapshot(frame)
+        assert np.allclose(snapshot.positions, poses.positions[frame], atol=2e-5)
+        assert np.allclose(snapshot.joint_angles_rad, dense.joint_angles_rad[frame])
+        assert np.isnan(snapshot.module_error_rad).all()
     between = 0.75 * dense.joint_angles_rad[77] + 0.25 * dense.joint_angles_rad[78]
     assert np.allclose(timeline.snapshot(77.25).joint_angles_rad, between)
 
@@ -130,14 +132,14 @@ def test_peeled_chain_shows_the_errors_of_its_robot(peeled: Path) -> None:
     view = TimelineView(peeled / "timeline.zarr")
     assert view.windowed
     dense = Timeline.open(view.path).frames()
-    begin = view.outline()["phases"][1]["from"]
-    assert np.isnan(view.snapshot(begin - 1).module_error_rad).all()
-    assert np.isnan(view.snapshot(begin - 0.5).module_error_rad).all()
+    playback_start = view.outline()["phases"][1]["from"]
+    assert np.isnan(view.snapshot(playback_start - 1).module_error_rad).all()
+    assert np.isnan(view.snapshot(playback_start - 0.5).module_error_rad).all()
     largest = np.nanmax(dense.joint_error_rad, axis=1, initial=0.0)
-    for frame in (begin, int(largest.argmax()), len(view) - 1):
-        shown = view.snapshot(frame)
-        assert np.array_equal(shown.joint_error_rad, dense.joint_error_rad[frame])
-        assert shown.module_error_rad.max() == largest[frame]
+    for frame in (playback_start, int(largest.argmax()), len(view) - 1):
+        snapshot = view.snapshot(frame)
+        assert np.array_equal(snapshot.joint_error_rad, dense.joint_error_rad[frame])
+        assert snapshot.module_error_rad.max() == largest[frame]
     assert view.error_scale_rad >= largest.max()
     errors = [error for error in view.outline()["errors"] if error is not None]
     assert max(errors) == pytest.approx(largest.max(), rel=1e-2)

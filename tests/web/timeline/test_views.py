@@ -36,27 +36,27 @@ def test_slow_timeline_does_not_delay_another(
     timeline_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shared, paths = TimelineViews(), copies(timeline_path, tmp_path, 2)
-    begun, may_end = threading.Event(), threading.Event()
+    event, may_end = threading.Event(), threading.Event()
     opened: list[str] = []
 
     def slow(path: str) -> TimelineView:
         opened.append(path)
         if path == str(paths[0]):
-            begun.set()
+            event.set()
             assert may_end.wait(30.0)
         return TimelineView(path)
 
     monkeypatch.setattr(shared_views, "TimelineView", slow)
-    both = [threading.Thread(target=shared.get, args=(paths[0],)) for _ in range(2)]
-    other = threading.Thread(target=shared.get, args=(paths[1],))
-    for thread in both:
+    threads = [threading.Thread(target=shared.get, args=(paths[0],)) for _ in range(2)]
+    other_thread = threading.Thread(target=shared.get, args=(paths[1],))
+    for thread in threads:
         thread.start()
-    assert begun.wait(30.0)
-    other.start()
-    other.join(10.0)
-    waited = other.is_alive()
+    assert event.wait(30.0)
+    other_thread.start()
+    other_thread.join(10.0)
+    waited = other_thread.is_alive()
     may_end.set()
-    for thread in (*both, other):
+    for thread in (*threads, other_thread):
         thread.join(30.0)
     assert not waited
     assert sorted(opened) == [str(path) for path in paths]
