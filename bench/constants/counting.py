@@ -44,8 +44,8 @@ def _is_numeric(value: ast.expr) -> bool:
             return name in {"pi", "inf"}
         case ast.UnaryOp(operand=operand):
             return _is_numeric(operand)
-        case ast.BinOp(left_operand=left_operand, right=right):
-            return _is_numeric(left_operand) and _is_numeric(right)
+        case ast.BinOp(left=left, right=right):
+            return _is_numeric(left) and _is_numeric(right)
         case ast.Tuple(elts=parts) | ast.List(elts=parts) | ast.Dict(values=parts):
             return bool(parts) and all(map(_is_numeric, parts))
         case ast.Call(func=ast.Name() | ast.Attribute(value=ast.Name()), args=parts):

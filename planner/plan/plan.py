@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path as FilePath
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -386,7 +386,7 @@ class Plan:
                 chain=chain,
                 motion=motion,
                 max_error_rad=errors,
-                certificate=Certificate.from_dict(stored.certificate),
+                certificate=Certificate.from_dict(cast("CertificateFigures", stored.certificate)),
                 start=None if stored.start is None else chain_from_attributes(stored.start),
                 **{k: getattr(stored, k) for k in _VALUES},
             )
@@ -423,7 +423,7 @@ class _PlanValues:
 
     motion: str
     chain: dict[str, Any]
-    certificate: CertificateFigures
+    certificate: dict[str, Any]
     preset: str
     parameters: dict[str, Any]
     seed: int
@@ -434,7 +434,7 @@ class _PlanValues:
     start: dict[str, Any] | None
     smoothing: dict[str, Any] | None
     likeness: Likeness | None
-    angles: dict[str, Any] | None
+    angles: dict[str, Any] | None = None
 
 
 _VALUES: Final = (

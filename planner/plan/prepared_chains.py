@@ -20,6 +20,7 @@ from foldback.planner.pathfinding.path_options import PathOptions
 from foldback.planner.shapes.likeness import Likeness
 from foldback.planner.storage.file_names import PREPARED
 from foldback.planner.storage.files import write_json
+from foldback.planner.storage.plain_values import from_plain
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -44,16 +45,17 @@ class PreparedChains:
     def load(cls, directory: FilePath, key: str) -> Self | None:
         """Return the stored chains; None if there are none with this key."""
         try:
-            values: Any = json.loads((directory / PREPARED).read_bytes())
+            values = from_plain(json.loads((directory / PREPARED).read_bytes()), dict[str, Any])
             if values["key"] != key:
                 return None
+            chains = from_plain(values["chains"], list[dict[str, Any]])
             return cls(
                 kind=values["kind"],
                 method=values["method"],
-                notes=tuple(values["notes"]),
+                notes=from_plain(values["notes"], tuple[str, ...]),
                 knot=values["knot"],
-                chains=tuple(chain_from_attributes(chain) for chain in values["chains"]),
-                likenesses=tuple(Likeness(**likeness) for likeness in values["likenesses"]),
+                chains=tuple(chain_from_attributes(chain) for chain in chains),
+                likenesses=from_plain(values["likenesses"], tuple[Likeness, ...]),
             )
         except UNREADABLE:
             return None
