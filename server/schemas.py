@@ -1,4 +1,4 @@
-"""Schemas: JSON bodies of requests and responses of the API."""
+"""Schemas: JSON bodies of the API. The request of a fold is in ``planner.pipeline.request``."""
 
 from __future__ import annotations
 

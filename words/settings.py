@@ -1,4 +1,7 @@
-"""Settings in words, as pages and the command line show them."""
+"""Settings in words, as pages and the command line show them.
+
+Their labels, units and help texts stand with their fields, in ``planner.parameters``.
+"""
 
 from __future__ import annotations
 
@@ -59,8 +62,8 @@ PAPER_ROWS: Final = _rows(SETTINGS, PAPER_PRESET)
 """Rows of the form for the planner settings of the preset ``paper`` (the published method), with
 their defaults."""
 ROBOT_ROWS: Final = _rows(ROBOT_SETTINGS, preset("default"))
-"""Rows of the form for the settings of the simulated robots with errors that a plan is tested on,
-with their defaults."""
+"""Rows of the command line's list for the settings of the simulated robots with errors that a plan
+is tested on, with their defaults."""
 TABLE_ROWS: Final = _rows(TABLE_SETTINGS, preset("default"))
 """Rows of the form for the planner settings of a fold on a table under gravity, with their
 defaults."""

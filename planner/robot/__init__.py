@@ -1,4 +1,4 @@
-"""Robots: smoother motions, time stamps within joint limits, trajectories, motors and servos.
+"""For real robots: smoother motions, time stamps within limits, trajectories, motors and servos.
 
 The names of the ways to smooth a plan stand here, so that they are known without the smoothing.
 """
