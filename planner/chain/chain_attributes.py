@@ -29,7 +29,7 @@ def chain_attributes(chain: Chain) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ChainValues:
-    """What is read of the values that ``chain_attributes`` returns."""
+    """Values that are read of those that ``chain_attributes`` returns."""
 
     name: str
     module: str

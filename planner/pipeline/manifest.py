@@ -147,8 +147,8 @@ def _fields(path: FilePath, *, arrays: bool) -> Iterator[tuple[str, str]]:
         for key, digest in _of_values(unsealed(group.attrs.asdict())):
             yield f"attributes.{key}", digest
         with zarr_metadata():
-            found = sorted(group.arrays()) if arrays else ()
-        for name, array in found:
+            named_arrays = sorted(group.arrays()) if arrays else ()
+        for name, array in named_arrays:
             try:
                 yield name, _of_array(array)
             except UNREADABLE:

@@ -239,9 +239,9 @@ def _position_errors(
         return errors
     root = (frames.root_position[has_reference], frames.root_wxyz[has_reference])
     reference_rad = reference[place[has_reference]]
-    meant = chain.poses(reference_rad.angles(chain), *root)
+    reference_poses = chain.poses(reference_rad.angles(chain), *root)
     poses = chain.poses(frames.joint_angles_rad[has_reference], *root)
-    errors[has_reference] = np.linalg.norm(meant.positions - poses.positions, axis=-1)
+    errors[has_reference] = np.linalg.norm(reference_poses.positions - poses.positions, axis=-1)
     return errors
 
 
