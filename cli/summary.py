@@ -16,7 +16,7 @@ from foldback.planner.certificate.figures import FoldSummary
 from foldback.planner.chain.module import module_named
 from foldback.planner.parameters.parameters import TURN_STRATEGIES
 from foldback.words import certificate as certificate_words
-from foldback.words.failures import verdict_words
+from foldback.words.failures import timeline_reader
 from foldback.words.likeness import likeness_words
 from foldback.words.messages import diagnosis_text
 from foldback.words.plan_choice import Choice
@@ -71,11 +71,8 @@ def show(summary: dict[str, Any], out: Path) -> None:
         if value is not None:
             table.add_row(name, f"{value} {unit}".rstrip())
 
-    verdict = (
-        certificate_words.headline(certificate)
-        if summary["status"] == "verified"
-        else verdict_words(cast("FoldSummary", summary))
-    )
+    reader = timeline_reader(cast("FoldSummary", summary))
+    verdict = certificate_words.headline(certificate, reader)
     console.print(verdict, markup=False, soft_wrap=True)
     if stuck := summary["stuck"]:
         note = sentence(diagnosis_text(stuck))

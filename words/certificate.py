@@ -9,19 +9,19 @@ import math
 from typing import Any, Final, TypedDict
 
 from foldback.planner.certificate.figures import (
-    KINEMATICS_ONLY,
-    SIMULATED,
     CertificateFigures,
     MarginFigures,
     figures_of_certificates,
+    verdict_text,
 )
 from foldback.planner.certificate.table_figures import TableCertificate
 from foldback.planner.motion.record import TableRecord
 from foldback.planner.parameters.parameters import BASELINE
+from foldback.planner.reasons import Reader
 from foldback.planner.robot.module_materials import CASINGS
 from foldback.planner.robot.servos import Servo, servos
 from foldback.planner.robot.sizing import find_suitable_servos, suitable_pitches
-from foldback.words.messages import nearest_frame, reason_text
+from foldback.words.messages import PEOPLE, nearest_frame, reason_text
 from foldback.words.quantities import (
     SIGNIFICANT_DIGITS,
     STRATEGY_LABELS,
@@ -64,15 +64,24 @@ MOTION_FIGURES: Final = (
 )
 
 
-def headline(certificate: CertificateFigures) -> str:
-    """Return the verdict, with the proved clearance of a verified plan; empty without a verdict."""
-    if (reason := certificate.get("reason")) is not None:
-        return f"failed: {reason_text(reason)}"
-    if not certificate.get("verified"):
+def verdict_words(certificate: CertificateFigures, reader: Reader = PEOPLE) -> str:
+    """Return the verdict on a plan; empty without a verdict.
+
+    Args:
+        certificate: The certificate of the plan.
+        reader: Style of the reason why a plan is not verified.
+    """
+    reason = certificate.get("reason")
+    if reason is None and not certificate.get("verified"):
         return ""
-    verdict = SIMULATED if certificate.get("simulated") else KINEMATICS_ONLY
-    proved = clearance(certificate)
-    return f"{verdict}: {proved}" if proved else verdict
+    failure = reason and reason_text(reason, reader)
+    return verdict_text(failure, simulated=certificate.get("simulated"))
+
+
+def headline(certificate: CertificateFigures, reader: Reader = PEOPLE) -> str:
+    """Return ``verdict_words``, with the proved clearance of a verified plan."""
+    proved = clearance(certificate) if certificate.get("verified") else None
+    return f"{verdict_words(certificate, reader)}{f': {proved}' if proved else ''}"
 
 
 def clearance(certificate: CertificateFigures) -> str | None:

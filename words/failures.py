@@ -10,8 +10,6 @@ from typing import Final, TypedDict, cast
 import numpy as np
 
 from foldback.planner.certificate.figures import (
-    KINEMATICS_ONLY,
-    SIMULATED,
     AttemptFigures,
     CertificateFigures,
     ExplosionFigures,
@@ -20,7 +18,7 @@ from foldback.planner.certificate.figures import (
 )
 from foldback.planner.errors import DamagedError
 from foldback.planner.motion.failure_schemas import EvidenceFigures
-from foldback.planner.reasons import ReasonCode, ReasonFigures
+from foldback.planner.reasons import Reader, ReasonCode, ReasonFigures
 from foldback.planner.storage.file_names import ATTEMPTS
 from foldback.planner.verification.integrity import check
 from foldback.web.pictures.knot_drawing import KnotDrawing, drawing_of
@@ -183,8 +181,8 @@ def refusal_of(summary: FoldSummary) -> ReasonFigures | None:
     return (summary.get("certificate") or CertificateFigures()).get("reason")
 
 
-def refusal_text(refusal: ReasonFigures, summary: FoldSummary) -> str:
-    """Return the reason why a plan is not verified, with frames counted along the timeline."""
+def timeline_reader(summary: FoldSummary) -> Reader:
+    """Return the style of reasons whose frames are counted along the timeline of a fold."""
     explosion = exploding(summary)
 
     def on_the_timeline(frame: float, motion: str) -> str:
@@ -192,7 +190,12 @@ def refusal_text(refusal: ReasonFigures, summary: FoldSummary) -> str:
         # Without the explosion's frames, only the text's percentage states the position.
         return "" if explosion is None else f" (frame {nearest_frame(explosion + frame) + 1})"
 
-    return reason_text(refusal, replace(PEOPLE, place=on_the_timeline))
+    return replace(PEOPLE, place=on_the_timeline)
+
+
+def refusal_text(refusal: ReasonFigures, summary: FoldSummary) -> str:
+    """Return the reason why a plan is not verified, with frames counted along the timeline."""
+    return reason_text(refusal, timeline_reader(summary))
 
 
 def reason_words(row: ShownFold, summary: FoldSummary) -> str | None:
@@ -201,16 +204,6 @@ def reason_words(row: ShownFold, summary: FoldSummary) -> str | None:
         return refusal_text(refusal, summary)
     error = row.error or Fault()
     return error.get("message") or error.get("detail") or summary.get("reason")
-
-
-def verdict_words(summary: FoldSummary) -> str:
-    """Return the verdict on a plan; empty without a plan."""
-    if (refusal := refusal_of(summary)) is not None:
-        return f"failed: {refusal_text(refusal, summary)}"
-    certificate = summary.get("certificate") or CertificateFigures()
-    if not certificate.get("verified"):
-        return ""
-    return SIMULATED if certificate.get("simulated") else KINEMATICS_ONLY
 
 
 def _stopped(row: ShownFold, words: str) -> str:

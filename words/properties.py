@@ -35,7 +35,7 @@ from foldback.planner.storage.file_names import CHAIN, PLAN, TIMELINE
 from foldback.planner.storage.files import json_of
 from foldback.planner.verification.integrity import damaged_among
 from foldback.words import certificate as certificate_words
-from foldback.words.failures import verdict_words
+from foldback.words.failures import timeline_reader
 from foldback.words.fold import RUNNING_STATUSES, ShownFold
 from foldback.words.likeness import likeness_words
 from foldback.words.plan_choice import PREFERENCE_WORDS
@@ -136,10 +136,15 @@ class _Fold:
         over = self.row.status in ("verified", "failed")
         return _settings_of(self.directory / PLAN) if over else {}
 
+    @property
+    def verdict(self) -> str:
+        certificate = self.summary.get("certificate") or CertificateFigures()
+        return certificate_words.verdict_words(certificate, timeline_reader(self.summary))
+
     def summary_rows(self) -> Rows:
         row = self.row
         return [
-            ("Verdict", sentence(verdict_words(self.summary))),
+            ("Verdict", sentence(self.verdict)),
             *certificate_words.main_rows(self.certificate),
             ("Modules", row.modules or None),
             ("Likeness", likeness_words(self.summary.get("likeness"))),

@@ -11,21 +11,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import trimesh
 
-from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.path import Path
-from foldback.planner.plan.shape_writers import write_chain, write_path, write_shape
-from foldback.planner.shapes.shape import Shape
-from tests.planner.shapes.test_readers_fuzz import SPICE, mutate
-from tests.planner.solids_made import MESH_KINDS, as_binvox, as_grid, as_vox, exported, zipped
+from foldback.planner.readers.formats import READABLE_SUFFIXES
+from tests.planner.shapes.test_readers_fuzz import FILES, SPICE, WALK, mutate
+from tests.planner.solids_made import zipped
 
-CELLS: Final = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 1], [1, 1, 1]])
-"""(n, 3) cells of a path."""
-BLOCK: Final = np.argwhere(np.ones((2, 3, 2)))
-"""(n, 3) cells of a 2×3×2 block."""
 NAMES: Final = (
-    *("a.stl", "a.obj", "a.ply", "a.json", "a.3mf", "a.glb", "a.vox", "a.npy", "a.csv", "", "a"),
+    *(f"a{suffix}" for suffix in ("", *READABLE_SUFFIXES)),
+    "",
     *("../../etc/passwd", "a\x00.stl", "a.stl\r\nX: y", "é" * 300, "CON", ".", "a.png", "a.zip"),
 )
 """File names that an upload may have instead of its own."""
@@ -48,24 +41,11 @@ class Upload:
 
 
 def valid() -> dict[str, bytes]:
-    """Return one small valid file of every format, by kind."""
-    mesh = trimesh.creation.box((2, 3, 2))
-    path = Path.from_cells([tuple(cell) for cell in CELLS.tolist()])
-    chain = Chain.from_path(path)
-    rows = CELLS.tolist()
+    """Return one small valid file of every format, by name."""
     return {
-        **{kind: exported(kind, mesh) for kind in MESH_KINDS},
-        "vox": as_vox(BLOCK),
-        "binvox": as_binvox(BLOCK),
-        "npy": as_grid(BLOCK),
-        "cells_npy": _saved(CELLS),
-        "voxels_json": write_shape(Shape.from_cells(BLOCK)),
-        "path_json": write_path(path),
-        "chain_json": write_chain(chain),
-        "list_json": json.dumps(rows).encode(),
-        "csv": b"x,y,z\n" + b"".join(b"%d,%d,%d\n" % tuple(row) for row in rows),
-        "xyz": b"".join(b"%d %d %d\n" % tuple(row) for row in rows),
-        "angles_txt": b"0 - + 0 - +",
+        **FILES,
+        "cells.npy": _saved(np.array(WALK)),
+        "cells.json": json.dumps(WALK).encode(),
     }
 
 
@@ -78,9 +58,8 @@ def _saved(array: np.ndarray) -> bytes:
 def made(seed: int, files: dict[str, bytes]) -> Upload:
     """Return the upload of a seed, the same in each run."""
     rng = random.Random(seed)
-    kind = rng.choice(list(files))
-    data = rng.choices(CHANGES, CHANGE_WEIGHTS)[0](files[kind], rng)
-    name = f"a.{kind.rpartition('_')[2] if kind not in MESH_KINDS else kind.partition('_')[0]}"
+    name = rng.choice(list(files))
+    data = rng.choices(CHANGES, CHANGE_WEIGHTS)[0](files[name], rng)
     return Upload(
         data=data,
         filename=rng.choice(NAMES) if rng.random() < 0.2 else name,

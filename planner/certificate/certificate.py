@@ -15,12 +15,7 @@ from typing import cast
 import numpy as np
 
 from foldback.planner.arrays import Array
-from foldback.planner.certificate.figures import (
-    KINEMATICS_ONLY,
-    SIMULATED,
-    CertificateFigures,
-    RobotFigures,
-)
+from foldback.planner.certificate.figures import CertificateFigures, RobotFigures, verdict_text
 from foldback.planner.certificate.plan_figures import largest_angle, plan_figures, robot_figures
 from foldback.planner.certificate.swept_motions import Sweeper, followed
 from foldback.planner.certificate.table_certificate import table_certificate
@@ -102,9 +97,7 @@ class Certificate:
 
         Modules and frames count from 0.
         """
-        if self.reason is not None:
-            return f"failed: {self.reason.text()}"
-        return SIMULATED if self.simulated else KINEMATICS_ONLY
+        return verdict_text(self.reason and self.reason.text(), simulated=self.simulated)
 
     def as_dict(self) -> CertificateFigures:
         """Return plain JSON values."""

@@ -19,6 +19,13 @@ KINEMATICS_ONLY: Final = "verified (kinematics only)"
 """Verdict of a verified plan whose playback follows it by kinematics."""
 
 
+def verdict_text(failure: str | None, *, simulated: bool | None) -> str:
+    """Return the verdict on a plan; ``failure`` is the text of the reason, None if verified."""
+    if failure is not None:
+        return f"failed: {failure}"
+    return SIMULATED if simulated else KINEMATICS_ONLY
+
+
 Source = Literal["motion", "simulation", "record", "request", "chain"]
 
 

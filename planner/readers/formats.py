@@ -46,6 +46,14 @@ READABLE_FORMATS: Final = (
     "JSON, a JSON list, CSV, XYZ, .npy, a string of angles like 0 - - +)"
 )
 
+MESH_SUFFIXES: Final = (".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf")
+"""Suffixes of the names of triangle meshes, in lower case."""
+READABLE_SUFFIXES: Final = (
+    *MESH_SUFFIXES,
+    *(".vox", ".binvox", ".npy", ".json", ".csv", ".txt", ".xyz"),
+)
+"""Suffixes of the names of files that can be read, which dialogs for opening a file offer."""
+
 LOGGER: Final = logging.getLogger(__name__)
 UNREADABLE: Final = (
     "the file cannot be read: it is damaged, or unusual in a way that foldback does not know; save "

@@ -16,6 +16,7 @@ from markupsafe import Markup
 
 from foldback.planner.parameters.option import options_of
 from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.readers.formats import READABLE_SUFFIXES
 from foldback.server.http.base_path import BASE_PATH, at
 from foldback.server.http.security import INDEXED_HEADERS
 from foldback.web.static_files import VERSIONED, code_of, scripts_of, scripts_version, text_of
@@ -78,6 +79,7 @@ def entry(page_name: str) -> Markup:
 TEMPLATE_VALUES: Final[dict[str, object]] = {
     "at": at,
     "site": None,
+    "readable_suffixes": ",".join(READABLE_SUFFIXES),
     "paper_settings": PAPER_ROWS,
     "table_settings": TABLE_ROWS,
     "options": options_of(FoldRequest),

@@ -16,6 +16,7 @@ from foldback.planner.chain.display_names import clean_name
 from foldback.planner.chain.module import CUBE
 from foldback.planner.pathfinding.path_options import PathOptions
 from foldback.planner.pipeline.request import FoldRequest, PreviewRequest
+from foldback.planner.readers.formats import MESH_SUFFIXES
 from foldback.planner.readers.limits import quote
 from foldback.planner.storage.file_names import INPUT, PREPARED, REQUEST
 from foldback.planner.storage.files import json_of
@@ -30,9 +31,6 @@ from foldback.server.store.previews import NoSuchPreviewError
 from foldback.server.store.tables import FoldRow
 from foldback.server.submission.parent_folds import ParentFold, finished_parent, stored_parent
 
-MESH_SUFFIXES: Final = (".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf")
-"""File name suffixes of uploads that are triangle meshes, in lower case. Other uploads contain
-voxels, paths of cells, or chains."""
 OPTIONAL_ID: Final = "^[A-Za-z0-9_-]*$"
 Cells = list[list[int]]
 Uploaded = Annotated[UploadFile | None, File(description="A mesh, voxels, a path or a chain.")]

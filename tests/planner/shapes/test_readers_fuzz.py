@@ -1,6 +1,7 @@
 import random
 import struct
 from collections.abc import Sequence
+from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from foldback.planner.chain.path import Path
 from foldback.planner.errors import InputError
 from foldback.planner.plan.shape_writers import write_chain, write_path, write_shape
 from foldback.planner.readers import read
+from foldback.planner.readers.formats import READABLE_SUFFIXES
 from foldback.planner.shapes.shape import Shape
 from foldback.planner.shapes.solid import Solid
 from tests.planner.chains import chain_of
@@ -17,18 +19,22 @@ from tests.planner.solids_made import MESH_KINDS, as_binvox, as_grid, as_vox, ex
 
 CELLS = np.argwhere(np.ones((2, 3, 2)))
 WALK = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1), (2, 1, 1), (2, 2, 1)]
+MESH = trimesh.creation.icosphere(subdivisions=1)
 FILES = {
-    **{kind: exported(kind, trimesh.creation.icosphere(subdivisions=1)) for kind in MESH_KINDS},
-    "vox": as_vox(CELLS),
-    "binvox": as_binvox(CELLS),
-    "npy": as_grid(CELLS),
-    "json": write_shape(Shape.from_cells(CELLS)),
-    "path": write_path(Path.from_cells(WALK, name="some path")),
-    "chain": write_chain(chain_of(WALK)),
-    "csv": b"x,y,z\n" + b"".join(b"%d,%d,%d\n" % cell for cell in WALK),
-    "xyz": b"6\na chain of carbon\n" + b"".join(b"C %d.0 %d.0 %d.0\n" % cell for cell in WALK),
+    **{f"{kind}.{kind.partition('_')[0]}": exported(kind, MESH) for kind in MESH_KINDS},
+    "voxels.vox": as_vox(CELLS),
+    "voxels.binvox": as_binvox(CELLS),
+    "voxels.npy": as_grid(CELLS),
+    "voxels.json": write_shape(Shape.from_cells(CELLS)),
+    "path.json": write_path(Path.from_cells(WALK, name="some path")),
+    "chain.json": write_chain(chain_of(WALK)),
+    "cells.csv": b"x,y,z\n" + b"".join(b"%d,%d,%d\n" % cell for cell in WALK),
+    "cells.xyz": b"6\na chain of carbon\n"
+    + b"".join(b"C %d.0 %d.0 %d.0\n" % cell for cell in WALK),
+    "angles.txt": b"0 - + 0 - +",
 }
-TEXT = ("json", "path", "chain", "csv", "xyz")
+"""A small valid file of each format, by its name."""
+TEXT_SUFFIXES = (".json", ".csv", ".xyz", ".txt")
 TEXT_SPICE = (
     *(b"[", b"]", b"{", b"}", b",", b'"', b"\n", b"\\", b"\x00", b"\xff", b"-", b".", b"e", b"9"),
     *(b"NaN", b"1e999", b"null", b"true", b"[[", b"\r", b"#", b"\xef\xbb\xbf", b" ", b"\\ud800"),
@@ -65,15 +71,19 @@ def mutate(data: bytes, rng: random.Random, spice: Sequence[bytes]) -> bytes:
     return bytes(changed)
 
 
+def test_files_of_each_readable_suffix_are_mutated() -> None:
+    assert {FilePath(name).suffix for name in FILES} == {*READABLE_SUFFIXES}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", FILES)
-def test_mutated_files_are_read_or_refused(kind: str) -> None:
-    rng = random.Random(kind)
+@pytest.mark.parametrize("name", FILES)
+def test_mutated_files_are_read_or_refused(name: str) -> None:
+    rng, spice = random.Random(name), TEXT_SPICE if name.endswith(TEXT_SUFFIXES) else SPICE
     outcomes: dict[str, int] = {}
     for _ in range(200):
-        data = mutate(FILES[kind], rng, TEXT_SPICE if kind in TEXT else SPICE)
+        data = mutate(FILES[name], rng, spice)
         try:
-            read_shape = read(data, filename=f"a.{kind.partition('_')[0]}")
+            read_shape = read(data, filename=name)
         except InputError as refusal:
             outcomes[refusal.code] = outcomes.get(refusal.code, 0) + 1
             assert str(refusal).isprintable(), data

@@ -13,6 +13,7 @@ import pytest
 from fastapi import FastAPI
 
 from bench.reproduction.experiments import STATEMENTS
+from foldback.planner.readers.formats import READABLE_SUFFIXES
 from foldback.server.http.downloads import Asset
 from foldback.server.pages import paper, prerendered_pages, static
 from foldback.server.pages.page import script_addresses
@@ -44,6 +45,11 @@ def test_success_map_is_shown_on_the_benchmarks_page() -> None:
     for method in ("direct", "paper", "one-by-one", "simultaneous", "blocks", "peel", "auto"):
         assert f">{method}</text>" in drawn.text
         assert method in page.text
+
+
+def test_dialogs_offer_all_files_that_can_be_read(idle: Service) -> None:
+    for page in ("/", "/shapes/new"):
+        assert f'accept="{",".join(READABLE_SUFFIXES)}"' in idle.http.get(page).text
 
 
 def test_scripts_and_styles_are_compressed_on_request() -> None:
