@@ -18,7 +18,7 @@ from pathlib import Path as FilePath
 
 from foldback.planner.certificate.figures import CertificateFigures
 from foldback.planner.chain.chain import Chain
-from foldback.planner.errors import UNREADABLE, InputError, TimelineError
+from foldback.planner.errors import InputError, TimelineError
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.parameters.parameters import FLOATING
@@ -80,8 +80,8 @@ def certificate_values(path: FilePath) -> CertificateFigures | None:
 def stored_moments(directory: FilePath) -> Moments | None:
     """Return the moments of a fold that is over; None if none are stored, or they are damaged."""
     try:
-        return Moments.from_dict(json.loads((directory / names.MOMENTS).read_bytes()))
-    except (InputError, *UNREADABLE):
+        return Moments.from_dict(json_of(directory / names.MOMENTS))
+    except (InputError, ValueError):
         return None
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path as FilePath
 from typing import Any, Final, cast
@@ -20,6 +21,7 @@ from foldback.planner.storage.checked_zarr import DIGEST, read_group, unsealed
 from foldback.planner.storage.file_names import DESCRIBED
 from foldback.planner.storage.file_names import MANIFEST as FILE
 from foldback.planner.storage.files import write_json, zarr_group, zarr_metadata
+from foldback.planner.storage.plain_values import from_plain
 
 MANIFEST_FORMAT: Final = "foldback-manifest/1"
 FILE_CONTENT: Final = "content"
@@ -31,6 +33,14 @@ lacks."""
 DIGEST_ROWS: Final = 1024
 """Number of rows of an array that are read and hashed at once, to compute its digest."""
 Digests = dict[str, dict[str, str]]
+
+
+@dataclass(frozen=True, slots=True)
+class _Manifest:
+    """Content of a manifest: its format, and the digests of fields by names of files."""
+
+    format: str
+    sha256: Digests
 
 
 def digests_of(
@@ -81,6 +91,26 @@ def write_manifest(directory: FilePath, earlier: Digests | None = None) -> None:
     write_json(directory / FILE, {"format": MANIFEST_FORMAT, "sha256": in_order})
 
 
+def read_manifest(directory: FilePath) -> Digests | None:
+    """Return the digests that a directory's manifest states; None if it has no manifest.
+
+    Raises:
+        DamagedError: The manifest cannot be read.
+    """
+    path = directory / FILE
+    try:
+        manifest = from_plain(json.loads(path.read_bytes()), _Manifest)
+    except FileNotFoundError:
+        return None
+    except UNREADABLE as error:
+        raise DamagedError(path, f"{FILE} cannot be read") from error
+    if manifest.format != MANIFEST_FORMAT:
+        raise DamagedError(
+            path, f"got the format {manifest.format!r}, expected {MANIFEST_FORMAT!r}"
+        )
+    return manifest.sha256
+
+
 def changed_fields(
     directory: FilePath, names: Sequence[str] = DESCRIBED, *, arrays: bool = True
 ) -> list[str] | None:
@@ -91,16 +121,12 @@ def changed_fields(
         names: Names of the files that are compared.
         arrays: False to leave out arrays, which take time.
     """
-    path = directory / FILE
-    if not path.exists():
-        return None
     try:
-        values: Any = json.loads(path.read_bytes())
-        if set(values) != {"format", "sha256"} or values["format"] != MANIFEST_FORMAT:
-            return [f"{FILE}: format"]
-        stated: Digests = {str(k): dict(v) for k, v in values["sha256"].items()}
-    except UNREADABLE:
+        stated = read_manifest(directory)
+    except DamagedError:
         return [f"{FILE}: {FILE_CONTENT}"]
+    if stated is None:
+        return None
     current = digests_of(directory, names, arrays=arrays)
     changed: list[str] = []
     for name in dict.fromkeys((*(name for name in stated if name in names), *current)):

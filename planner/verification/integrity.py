@@ -12,16 +12,16 @@ import os
 import threading
 from collections.abc import Iterable, Iterator
 from pathlib import Path as FilePath
-from typing import Any, Final
+from typing import Final
 from zipfile import ZipFile
 
 from foldback.planner.errors import UNREADABLE, DamagedError
 from foldback.planner.pipeline.manifest import (
     FILE,
-    MANIFEST_FORMAT,
     Digests,
     digests_of,
     digests_of_texts,
+    read_manifest,
 )
 from foldback.planner.storage.checked_zarr import check_chunks, read_group
 
@@ -69,7 +69,7 @@ def _reason(directory: FilePath, name: str) -> str | None:
     """Return why a file is damaged, or None."""
     path = directory / name
     try:
-        digests = _manifest(directory)
+        digests = read_manifest(directory)
         if digests is not None and name not in digests:
             return None
         if not path.exists():
@@ -118,22 +118,6 @@ def _reason_by_itself(path: FilePath) -> str | None:
             broken = file.testzip()
         return None if broken is None else f"the field {broken} was changed"
     return None
-
-
-def _manifest(directory: FilePath) -> Digests | None:
-    """Return the digests of a manifest; None if there is none, as of a fold without a plan."""
-    path = directory / FILE
-    try:
-        values: Any = json.loads(path.read_bytes())
-        if values["format"] != MANIFEST_FORMAT:
-            raise DamagedError(
-                path, f"got the format {values['format']!r}, expected {MANIFEST_FORMAT!r}"
-            )
-        return {str(name): dict(fields) for name, fields in values["sha256"].items()}
-    except FileNotFoundError:
-        return None
-    except UNREADABLE as error:
-        raise DamagedError(path, f"{FILE} cannot be read") from error
 
 
 def _stamps_below(directory: str) -> Iterator[tuple[str, int, int, int]]:

@@ -15,7 +15,13 @@ from foldback.planner.motion.timeline import Timeline, TimelineWriter
 from foldback.planner.pathfinding.knots import knot_of
 from foldback.planner.pipeline.fold_layout import stored_moments
 from foldback.planner.plan.moment_search import moments_of
-from foldback.planner.plan.moments import CONTACT_LINKS, CONTACT_PITCH, Moments
+from foldback.planner.plan.moments import (
+    CONTACT_LINKS,
+    CONTACT_PITCH,
+    MOMENTS_FORMAT,
+    Moments,
+)
+from foldback.planner.storage.file_names import MOMENTS
 from tests.planner.chains import anchored, coil, knotted
 from tests.planner.clearance.reference import separation
 from tests.planner.conftest import Folded
@@ -44,6 +50,12 @@ def straight_to_folded(directory: FilePath, chain: Chain, frames: int) -> Timeli
     with TimelineWriter.create(directory, chain) as writer:
         writer.append(anchored("playback", angles))
     return Timeline.open(directory)
+
+
+def test_damaged_moments_are_none(tmp_path: FilePath) -> None:
+    for text in ("", "[3]", "{}", json.dumps({"format": MOMENTS_FORMAT, "plan": "x"})):
+        (tmp_path / MOMENTS).write_text(text)
+        assert stored_moments(tmp_path) is None
 
 
 def test_stored_moments_of_a_fold_have_the_right_frames(folded: Folded) -> None:

@@ -1,7 +1,6 @@
 """Damaged files of a finished fold: each route reports them, and none shows invented data."""
 
 import json
-import re
 import shutil
 import sqlite3
 from collections.abc import Callable, Iterator
@@ -11,26 +10,16 @@ from pathlib import Path
 from unittest.mock import patch
 
 import pytest
-from fastapi.routing import APIRoute
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from foldback.server.app import ROUTERS
 from foldback.server.submission.shipped_folds import SHIPPED_FOLDS_DIR
+from tests.server.routes import fold_addresses
 from tests.server.service_process import SNAKE, FinishedFold, Service, check_problem
 from tests.server.service_thread import ServiceThread
 
 SMALL = SHIPPED_FOLDS_DIR / "tetra-cube-2.fold"
 MOTION = "The stored motion of this fold is damaged"
-ROUTES = (
-    *("/folds/{id}", "/folds/{id}/facts", "/folds/{id}/bundle", "/folds/{id}/batch"),
-    *("/folds/{id}/figures", "/folds/{id}/drawing.svg", "/folds/{id}/picture.png"),
-    *("/folds/{id}/standalone.html", "/folds/{id}/recording.viser", "/embed/{id}"),
-    *("/compare?a={id}&b={id}", "/api/folds/{id}", "/api/folds/{id}/frames"),
-    *("/api/folds/{id}/exports", "/api/folds/{id}/exports/csv", "/api/folds/{id}/exports/urdf"),
-    *("/api/folds/{id}/plan.npz", "/api/folds/{id}/plan.json", "/api/folds/{id}/model.xml"),
-    *("/api/folds/{id}/certificate.json", "/api/folds/{id}/record.npz"),
-)
 MOTION_ROUTES = ("bundle", "batch", "figures", "standalone.html", "recording.viser")
 
 
@@ -132,10 +121,10 @@ def test_fold_with_any_damaged_file_is_answered_in_sentences(fold: FinishedFold)
     for path, damage in zip(files, cycle(DAMAGES), strict=False):
         file_bytes = path.read_bytes()
         damage(path)
-        for route in ROUTES:
-            answer = fold.http.get(route.format(id=fold.id))
+        for address in fold_addresses(fold.id):
+            answer = fold.http.get(address)
             assert answer.status_code < 500 or answer.json()["code"] == "damaged-data", (
-                f"{path.name}: {route} {answer.status_code} {answer.text[:300]}"
+                f"{path.name}: {address} {answer.status_code} {answer.text[:300]}"
             )
         if path.is_dir():
             path.rmdir()
@@ -211,24 +200,9 @@ def test_no_route_of_private_fold_lets_shared_caches_store_it(shipped: ServiceTh
     with sqlite3.connect(shipped.data_dir / "foldback.db", timeout=60) as database:
         database.execute("UPDATE folds SET public = 0 WHERE id = ?", (fold_id,))
     database.close()
-    routes = {
-        route.path
-        for module in ROUTERS
-        for route in module.router.routes
-        if isinstance(route, APIRoute)
-        and "{fold_id}" in route.path
-        and "GET" in (route.methods or ())
-    }
-    assert len(routes) > 20
-    values = {"fold_id": fold_id, "movie_id": "abc"}
-    paths = [
-        re.sub(
-            r"{(\w+)[^}]*}", lambda parameter_match: values.get(parameter_match[1], "csv"), route
-        )
-        for route in routes
-        if not route.endswith("/events")
-    ]
-    for path in [*paths, f"/compare?a={fold_id}&b={fold_id}"]:
+    addresses = fold_addresses(fold_id)
+    assert len(addresses) > 20
+    for path in addresses:
         allowed = shipped.http.get(path).headers.get("Cache-Control", "")
         assert "private" in allowed or "no-store" in allowed, f"{path}: {allowed!r}"
         assert "public" not in allowed and "s-maxage" not in allowed, path

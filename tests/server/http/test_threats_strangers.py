@@ -13,6 +13,7 @@ from foldback.server.pages.page import script_json
 from foldback.server.settings import Settings
 from foldback.server.store.folds import new_id
 from foldback.server.store.owner import new_token
+from tests.server.routes import filled, fold_addresses, pages, paths
 from tests.server.service_process import FinishedFold, Service, check_problem, path_file
 from tests.server.service_thread import ServiceWith
 
@@ -108,11 +109,9 @@ def test_private_links_are_not_indexed(idle: Service) -> None:
     public = idle.fold(shape="mallet-64")["id"]
     body = idle.preview("a.json", named_file("s", 61), full="false")
     preview, page = body["links"]["page"], f"/folds/{secret['id']}"
-    hidden = [page + part for part in ("", "/facts", "/picture.png", "/standalone.html")]
-    hidden += [f"/api{page}{part}" for part in ("", "/plan.json", "/movies/abc")]
-    hidden += [f"/embed/{secret['id']}", f"/compare?a={secret['id']}&b={public}", preview]
-    hidden += ["/shapes/new", "/view", "/embed/view", "/docs"]
+    hidden = [*fold_addresses(secret["id"]), f"/compare?a={secret['id']}&b={public}", preview]
     public_pages = [f"/folds/{public}", "/", "/gallery", "/benchmarks", "/privacy", "/paper"]
+    hidden += ["/view", "/embed/view", *(page for page in pages() if page not in public_pages)]
     listed = dict.fromkeys(hidden, "noindex, nofollow") | dict.fromkeys(public_pages, "all")
     for path, robots in listed.items():
         headers = idle.http.get(path).headers
@@ -126,19 +125,15 @@ def test_private_links_are_not_indexed(idle: Service) -> None:
 
 
 BAD_IDS = ("..", "%2e%2e", "..%2f..%2fsecret", "a%00b", "%0d%0aX:y", "~root", "%ff%fe", "a" * 5000)
-ID_ROUTES = (
-    *(f"/api/folds/{{}}{part}" for part in ("", "/frames", "/plan.json", "/exports/x", "/events")),
-    *("/api/folds/{}/movies/{}", "/api/folds/{}/movies/{}/file", "/api/shapes/{}.json"),
-    *(f"/folds/{{}}{part}" for part in ("", "/standalone.html", "/picture.png", "/batch")),
-    *("/previews/{}", "/previews/{}/scene/{}", "/previews/{}/drawing.svg?key={}"),
-    *("/static/{}", "/embed/{}", "/compare?a={}&b={}", "/gallery?q={}&type={}"),
-)
+QUERIES = ("/previews/a/drawing.svg?key={a}", "/compare?a={a}&b={b}", "/gallery?q={a}&type={b}")
 
 
 def test_ids_do_not_lead_out_of_the_data(idle: Service) -> None:
-    for number, path in enumerate(ID_ROUTES):
-        for bad in BAD_IDS[number % 3 :: 3]:
-            answer = idle.http.get(path.replace("{}", bad))
+    routes = [path for path in paths() if "{" in path]
+    assert len(routes) > 40
+    for number, path in enumerate((*routes, *QUERIES)):
+        for bad in BAD_IDS[number % 4 :: 4]:
+            answer = idle.http.get(filled(path, bad))
             assert answer.status_code < 500, (path, answer.text)
             assert "x" not in answer.headers
             assert answer.headers["x-content-type-options"] == "nosniff"
