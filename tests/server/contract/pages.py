@@ -7,18 +7,21 @@ from html.parser import HTMLParser
 import httpx
 
 from tests.server.contract.folds import INCLUDED, NAMES
+from tests.server.routes import pages
 
 SHOWN_ATTRIBUTES = ("title", "alt", "placeholder", "aria-label", "content", "data-hint", "label")
 """Attributes that browsers show or read aloud."""
 SILENT_TAGS = ("script", "style")
 PAGES = {
-    "my-folds": "/my-folds",
+    **{
+        page.strip("/").replace("/", "-") or "landing": page for page in pages() if page != "/paper"
+    },
     "compare": "/compare?a=pawn&b=cube",
     "compare-missing": "/compare?a=pawn&b=nosuchfold",
     "fold-missing": "/folds/nosuchfold",
-    "privacy": "/privacy",
 }
-"""Pages of more than one fold, or of none, by their names."""
+"""Pages of more than one fold, or of none, by their names; without that of the paper, whose text
+the programs of `bench.reproduction` write."""
 
 
 class _Texts(HTMLParser):
