@@ -26,7 +26,7 @@ def test_imports_point_to_lower_layers() -> None:
         and (imported_component := made.component_of(file_import.imported)) not in (None, component)
         and made.LAYER_OF[str(imported_component)] >= made.LAYER_OF[component]
     ]
-    assert up == []
+    assert up == [], "move what is shared to a lower layer, or change LAYERS of make_architecture"
 
 
 def test_no_files_import_each_other() -> None:
@@ -38,19 +38,22 @@ def test_no_files_import_each_other() -> None:
         TopologicalSorter(below).prepare()
     except CycleError as error:
         circle = " → ".join(error.args[1])
-        raise AssertionError(f"files import each other in a circle: {circle}") from None
+        raise AssertionError(
+            f"files import each other in a circle: {circle}; put what both need into a file below, "
+            "or state as a protocol what one needs of the other"
+        ) from None
 
 
 def test_packages_have_a_purpose() -> None:
     for component in FOLDERS:
         with case(component):
-            assert made.summary_of(component).endswith(".")
+            assert made.summary_of(component).endswith("."), "its __init__.py starts with a purpose"
 
 
 def test_all_packages_have_a_layer() -> None:
     folders = {".".join(p.parent.relative_to(made.ROOT).parts) for p in made.modules().values()}
     named = {f for f in folders if not f.startswith(made.ELSEWHERE) and f not in made.COLUMNS}
-    assert named == set(FOLDERS)
+    assert named == set(FOLDERS), "add the folder to LAYERS of docs/make_architecture.py"
 
 
 def test_page_and_picture_are_current() -> None:
@@ -61,13 +64,14 @@ def test_page_and_picture_are_current() -> None:
     )
 
 
-def test_constants_say_what_they_are() -> None:
+def test_no_constant_is_only_said_to_be_chosen() -> None:
     folders = (made.ROOT / name for name in ("bench", "docs", "examples", "tests"))
     sources = (path for folder in folders for path in folder.rglob("*.py"))
     scripts = (made.ROOT / "web" / "static").rglob("*.js")
     for path in (*made.modules().values(), *sources, *scripts):
         with case(str(path)):
-            assert re.search(r"\bChosen\b[.:;]", path.read_text(encoding="utf-8")) is None
+            chosen = re.search(r"\bChosen\b[.:;]", path.read_text(encoding="utf-8"))
+            assert chosen is None, "say what the number is and its unit: CONTRIBUTING.md, Style"
 
 
 def test_names_say_what_they_hold() -> None:
@@ -91,8 +95,10 @@ def test_sentences_are_not_parsed() -> None:
     for path in (*made.modules().values(), *scripts):
         with case(str(path)):
             text = path.read_text(encoding="utf-8")
-            assert re.search(r"starts?_?[wW]ith\(\s*[\"'](verified|failed)", text) is None
+            sentence = re.search(r"starts?_?[wW]ith\(\s*[\"'](verified|failed)", text)
+            assert sentence is None, "compare a code or a boolean: docs/decisions/0046-reasons.md"
     for path in (made.ROOT / "words").rglob("*.py"):
         if path.name != "fold.py":  # parses names of example shapes
             with case(str(path)):
-                assert re.search(r"^(?:import|from) re\b", path.read_text("utf-8"), re.M) is None
+                patterns = re.search(r"^(?:import|from) re\b", path.read_text("utf-8"), re.M)
+                assert patterns is None, "take values from a code's values, not from a sentence"

@@ -23,7 +23,7 @@ from foldback.planner.parameters.setting import Setting, Source, Value, descript
 
 MAX_TEXT_CHARS: Final = 500
 """Maximum length, in characters, of a request's text of settings (``name=value`` pairs); a longer
-one is refused. All settings at once fit."""
+one is refused. All settings of a method fit, with twelve digits each."""
 NO_LIMIT: Final = "none"
 NUMBER: Final = re.compile(
     r"[+-]?[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]+)?|[+-]?\.[0-9]+([eE][+-]?[0-9]+)?"

@@ -11,7 +11,7 @@ from foldback.planner.parameters.playback import RobotParameters
 class LaterRobotParameters(RobotParameters):
     """Robot parameters with one more."""
 
-    backlash_rad: float = 0.0
+    made_up_rad: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,7 +1,7 @@
 import re
-from dataclasses import asdict, fields, replace
+from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import Final
+from typing import Any, Final
 
 import pytest
 
@@ -9,9 +9,14 @@ from foldback.planner.chain.module import DEFAULT_DENSITY_KG_M3, DEFAULT_MODULE_
 from foldback.planner.errors import InputError
 from foldback.planner.parameters.option import options_of
 from foldback.planner.parameters.parameters import preset
-from foldback.planner.parameters.published import PaperExplosionParameters
+from foldback.planner.parameters.setting import Description, Setting, descriptions
 from foldback.planner.parameters.settings_text import (
+    ALL_SETTINGS,
+    MAX_TEXT_CHARS,
+    PARTS,
+    ROBOT_SETTINGS,
     SETTINGS,
+    TABLE_SETTINGS,
     read_settings,
     settings_text,
     value_of,
@@ -25,20 +30,57 @@ ROOT: Final = FilePath(__file__).parents[3]
 PAPER = preset("paper")
 
 
+def flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return nested values by their paths."""
+    by_path: dict[str, Any] = {}
+    for name, value in values.items():
+        by_path |= (
+            flat(value, f"{prefix}{name}.")
+            if isinstance(value, dict)
+            else {f"{prefix}{name}": value}
+        )
+    return by_path
+
+
 def test_each_setting_changes_its_parameter_alone() -> None:
-    names = {field.name for field in fields(PaperExplosionParameters)}
-    for setting in SETTINGS:
+    table = replace(preset("default"), world="table")
+    for settings, parameters in (
+        (SETTINGS, PAPER),
+        (ROBOT_SETTINGS, preset("default")),
+        (TABLE_SETTINGS, table),
+    ):
+        for setting in settings:
+            with case(setting.name):
+                usual = value_of(setting, parameters)
+                value = next(v for v in setting.words or setting.range if v != usual)
+                values = read_settings(f"{setting.name}={value}")
+                changed = with_settings(parameters, values)
+                assert value_of(setting, changed) == value != usual
+                if setting.name == "robots":  # none of them: the controller of an ideal robot
+                    continue
+                before, after = (flat(values.as_dict()) for values in (parameters, changed))
+                differing = {name for name, value in after.items() if before[name] != value}
+                assert {name.rpartition(".")[2] for name in differing} == {setting.name}
+
+
+def test_each_setting_has_a_name_of_its_own_and_a_range_or_words() -> None:
+    of_name: dict[str, Description] = {}
+    for kind in PARTS.values():
+        for name, described in descriptions(kind).items():
+            if isinstance(described, Setting):
+                assert of_name.setdefault(name, described) == described, name
+    for setting in ALL_SETTINGS:
         with case(setting.name):
             minimum, maximum = setting.range
-            value = minimum if minimum != value_of(setting, PAPER) else maximum
-            changed = with_settings(PAPER, read_settings(f"{setting.name}={value}"))
-            assert value_of(setting, changed) == value != value_of(setting, PAPER)
-            own_values, preset_values = (
-                asdict(parameters.explosion) for parameters in (PAPER, changed)
-            )
-            assert {name for name in names if own_values[name] != preset_values[name]} == {
-                setting.name
-            } & names
+            assert setting.label and setting.help
+            assert bool(setting.words) != (minimum < maximum)
+
+
+def test_all_settings_of_a_method_fit_into_a_text() -> None:
+    for settings in (SETTINGS, ROBOT_SETTINGS, TABLE_SETTINGS):
+        values = (setting.words[0] if setting.words else "0.123456789012" for setting in settings)
+        text = ",".join(f"{s.name}={value}" for s, value in zip(settings, values, strict=True))
+        assert len(text) <= MAX_TEXT_CHARS
 
 
 def test_default_module_size_and_density_stand_once() -> None:

@@ -1,6 +1,6 @@
 """Robots with model errors: their properties, their folding, and their certificates."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import mujoco
@@ -17,10 +17,7 @@ from foldback.planner.simulation.robot import Robot
 from tests.planner.chains import coil, line
 from tests.planner.conftest import Folded
 from tests.planner.mujoco_tree import tree_with
-
-FAULTLESS = RobotParameters(
-    mass_error=0.0, joint_friction=0.0, encoder_step=0.0, encoder_noise=0.0, robots=1
-)
+from tests.planner.robot_errors import ERRORS, FAULTLESS
 
 
 def play(folded: Folded, robot: RobotParameters, **options: Any) -> Playback:
@@ -69,15 +66,17 @@ def test_each_fault_is_seen_in_the_joint_error(folded: Folded) -> None:
     assert exact.status == "folded"
     assert exact.max_angle_error_rad < 1e-12
     assert (exact.robots, exact.others_rad) == (None, None)
-    for fault in (
-        {"mass_error": 0.1},
-        {"joint_friction": 0.2},
-        {"encoder_step": 2e-3},
-        {"encoder_noise": 1e-3},
-    ):
-        faulty = play(folded, replace(FAULTLESS, **fault))
-        assert faulty.status == "folded", fault
-        assert 2.0 * exact.max_angle_error_rad < faulty.max_angle_error_rad < 0.05, fault
+    for name, value in ERRORS.items():
+        faulty = play(folded, replace(FAULTLESS, **{name: value}))
+        assert faulty.status == "folded", name
+        assert 2.0 * exact.max_angle_error_rad < faulty.max_angle_error_rad < 0.05, name
+
+
+def test_all_errors_of_robots_are_tried() -> None:
+    others = {"robots", "motor_limit", "servo_give", "damping_s"}
+    assert {field.name for field in fields(RobotParameters)} == others | ERRORS.keys(), (
+        "add a value of the new error to tests/planner/robot_errors.py"
+    )
 
 
 def test_seed_decides_the_robots_and_the_largest_error_is_shown(folded: Folded) -> None:

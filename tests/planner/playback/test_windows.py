@@ -18,10 +18,8 @@ from foldback.planner.simulation.window_robot import RigidEnds, WindowRobot
 from tests.planner.chains import Array
 from tests.planner.mujoco_tree import tree_with
 from tests.planner.peels import peel, snake
+from tests.planner.robot_errors import FAULTLESS
 
-FAULTLESS = RobotParameters(
-    mass_error=0.0, joint_friction=0.0, encoder_step=0.0, encoder_noise=0.0, robots=1
-)
 SIZE = 0.3
 """Size of modules that touch nothing in an unchecked motion, pitches."""
 UPRIGHT = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))

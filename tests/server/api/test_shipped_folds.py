@@ -67,10 +67,10 @@ def test_parameter_of_a_later_version_makes_no_difference(
     for name, plan in plans.items():
         assert list(request_differs(tmp_path / name, plan, [])) == [], name
     # A value that the plan does not have changes what is computed.
-    monkeypatch.setattr(request, "preset", partial(later, backlash_rad=0.01))
+    monkeypatch.setattr(request, "preset", partial(later, made_up_rad=0.01))
     for name, plan in plans.items():
         (problem,) = request_differs(tmp_path / name, plan, [])
-        assert problem.endswith("robot.backlash_rad: got 0.0, expected 0.01"), name
+        assert problem.endswith("robot.made_up_rad: got 0.0, expected 0.01"), name
 
 
 @pytest.mark.parametrize(

@@ -56,12 +56,14 @@ def test_every_parameter_has_a_label_of_its_own() -> None:
     for kind in (*kinds, PlaybackParameters, RobotParameters):
         names = [field.name for field in dataclasses.fields(kind) if field.name != "robot"]
         described = descriptions(kind)
-        assert names == list(described)
+        assert names == list(described), "describe the field by `described` or `setting`"
         settings |= {n: setting for n, setting in described.items() if isinstance(setting, Setting)}
         labels = [label for label, _ in parameters(dict.fromkeys(names, 1.5), kind)]
         assert len(set(labels)) == len(labels)
         assert not [label for label in labels if "_" in label]
-    assert settings == {all_setting.name: all_setting for all_setting in ALL_SETTINGS}
+    assert settings == {all_setting.name: all_setting for all_setting in ALL_SETTINGS}, (
+        "add the class to PARTS of planner/parameters/settings_text.py"
+    )
     controllers = {preset(name).playback.controller for name in PRESETS}
     assert controllers <= set(quantities.CONTROLLER_LABELS)
     assert set(quantities.PRESET_LABELS) == set(PRESETS)
