@@ -230,7 +230,7 @@ interface CameraAt {
   azimuth: number | null;
   elevation: number | null;
   zoom: number;
-  aside: [right: number, up: number] | null;
+  offset: [right: number, up: number] | null;
 }
 // What a hand does to the view: turns the camera, multiplies its distance, moves the picture by shares of
 // its height. Gently is in a glide.
@@ -346,7 +346,7 @@ interface ModuleTold {
   modules: number;
   cell: number[] | null;
   joints: JointTold[];
-  shown: Snapshot;
+  snapshot: Snapshot;
 }
 interface BarOutline {
   frames: number;
@@ -492,7 +492,7 @@ interface PathChecked {
   missing: number[];
   lost: number[]; // of the missing those that neither end leads to
   difference: number; // of the two colours of a chessboard
-  whole: boolean;
+  complete: boolean;
 }
 // Elements of the pages that are more than an element, by their id.
 interface Elements {

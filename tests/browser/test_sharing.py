@@ -218,7 +218,7 @@ def test_turned_view_is_in_its_link(visit: Visit, wrench: str) -> None:
     page = visit(f"/folds/{wrench}#frame=60", width=640, height=440, view=False)
     expect(page.locator("#scrub")).to_be_enabled()
     box = page.locator("main.stage").bounding_box()
-    page.wait_for_function("() => window.foldback.player.shown?.exact")
+    page.wait_for_function("() => window.foldback.player.snapshot?.exact")
     drag(page, (box["x"] + 240, box["y"] + 100), (box["x"] + 300, box["y"] + 140))
     page.keyboard.press("d")
     page.keyboard.press("-")
@@ -227,7 +227,7 @@ def test_turned_view_is_in_its_link(visit: Visit, wrench: str) -> None:
     turned = picture(page)
     page.reload()
     expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 60 of"))
-    page.wait_for_function("() => window.foldback.player.shown?.exact")
+    page.wait_for_function("() => window.foldback.player.snapshot?.exact")
     assert different_fraction(picture(page), turned) <= 0.01
     page.locator("#sides").select_option("reset")
     page.wait_for_url(re.compile(r"#frame=60$"))

@@ -73,7 +73,7 @@ def test_paper_film_plays_scrubs_and_shows_its_tangle(visit: Visit) -> None:
     run.scroll_into_view_if_needed()
     run.locator(".run-start").click()
     run.locator(".run-view.moving").wait_for()
-    page.wait_for_function("() => foldback.player.is.playing && foldback.player.shown.frame > 1")
+    page.wait_for_function("() => foldback.player.is.playing && foldback.player.snapshot.frame > 1")
     run.locator(".run-toggle").press(" ")
     page.wait_for_function("() => !foldback.player.is.playing")
     run.locator(".run-scrub").press("Home")
@@ -81,7 +81,7 @@ def test_paper_film_plays_scrubs_and_shows_its_tangle(visit: Visit) -> None:
 
     run.locator(".run-where").click()
     stuck = int(run.get_attribute("data-stuck-frame") or 0)
-    page.wait_for_function(f"() => foldback.player.shown.frame === {stuck}")
+    page.wait_for_function(f"() => foldback.player.snapshot.frame === {stuck}")
     marked = page.evaluate("() => foldback.player.marked.join(' ')")
     assert marked == run.get_attribute("data-stuck")
 

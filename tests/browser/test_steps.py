@@ -18,7 +18,7 @@ COLOURS = """() => {
 }"""
 
 
-POSITIONS = "() => Array.from(foldback.player.shown.positions)"
+POSITIONS = "() => Array.from(foldback.player.snapshot.positions)"
 
 
 def test_steps_go_on_and_back_with_the_moving_part_in_colour(

@@ -16,7 +16,7 @@ NOTE_PICTURES = """(() => {
   const note = (list, value) => { if (value && list.at(-1) !== value) list.push(value); };
   const look = () => {
     const { player } = window.foldback ?? {};
-    if (player?.shown)
+    if (player?.snapshot)
       noted.frames.push([player.playhead.frame, player.timeline.over, player.story.telling]);
     note(noted.titles, document.title);
     const toast = document.getElementById("toast");

@@ -17,7 +17,7 @@ const FULL = {
   from: 7,
   to: 19,
   loop: true,
-  camera: { azimuth: -1, elevation: 0.5, zoom: 1.25, aside: [0.1, -0.2] },
+  camera: { azimuth: -1, elevation: 0.5, zoom: 1.25, offset: [0.1, -0.2] },
   colour: "speed",
   path: true,
   follow: false,
@@ -64,9 +64,9 @@ test("invalid parts of a hash are ignored", () => {
 });
 
 test("a view is read from a hash as it was written", () => {
-  const { camera, named, ...rest } = viewIn(hashOf(FULL, "dark"));
+  const { camera, named, ...fields } = viewIn(hashOf(FULL, "dark"));
   assert.ok(named);
-  assert.deepEqual({ ...rest, camera: FULL.camera, named: false, loop: true }, FULL); // a loop with ends loops
+  assert.deepEqual({ ...fields, camera: FULL.camera, named: false, loop: true }, FULL); // a loop with ends loops
   assert.equal(cameraText(camera), cameraText(FULL.camera));
   assert.ok(
     hashOf(FULL, "dark").endsWith("&colour=speed&path=1&follow=0&speed=2&play=1&theme=dark"),
@@ -78,13 +78,13 @@ test("a hash leaves out default values", () => {
     hashOf({
       ...NOTHING,
       frame: 11,
-      camera: { azimuth: null, elevation: null, zoom: 1, aside: null },
+      camera: { azimuth: null, elevation: null, zoom: 1, offset: null },
       colour: "chain",
     }),
     "#frame=12",
   );
   assert.equal(
-    hashOf({ ...NOTHING, camera: { azimuth: null, elevation: null, zoom: 1.5, aside: null } }),
+    hashOf({ ...NOTHING, camera: { azimuth: null, elevation: null, zoom: 1.5, offset: null } }),
     "#camera=,,1.5",
   );
   assert.equal(hashOf(NOTHING), "");

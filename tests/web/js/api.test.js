@@ -56,34 +56,37 @@ test("a key is made when it is first needed, only once, and has 192 random bits"
 });
 
 test("an entered key is used beside the browser's own, and can replace it", () => {
-  const own = ownKey();
+  const firstKey = ownKey();
   bring(OTHER);
   bring(OTHER);
-  assert.deepEqual(keysHere(), [own, OTHER]);
-  assert.equal(ownKey(), own);
+  assert.deepEqual(keysHere(), [firstKey, OTHER]);
+  assert.equal(ownKey(), firstKey);
   useKey(OTHER);
-  assert.deepEqual([ownKey(), broughtKeys()], [OTHER, [own]]);
-  useKey(own);
-  assert.deepEqual([ownKey(), broughtKeys()], [own, [OTHER]]);
+  assert.deepEqual([ownKey(), broughtKeys()], [OTHER, [firstKey]]);
+  useKey(firstKey);
+  assert.deepEqual([ownKey(), broughtKeys()], [firstKey, [OTHER]]);
   keepToken("theirs", OTHER);
-  keepToken("mine", own);
+  keepToken("mine", firstKey);
   dropKey(OTHER);
-  assert.deepEqual([keysHere(), tokenOf("theirs"), tokenOf("mine")], [[own], null, own]);
+  assert.deepEqual([keysHere(), tokenOf("theirs"), tokenOf("mine")], [[firstKey], null, firstKey]);
   forgetKeys();
   assert.deepEqual(Object.keys(localStorage), []);
 });
 
 test("a new key replaces the browser's own key only", () => {
-  const own = ownKey();
+  const firstKey = ownKey();
   bring(OTHER);
-  keepToken("mine", own);
+  keepToken("mine", firstKey);
   keepToken("theirs", OTHER);
-  const made = newKey();
-  assert.notEqual(made, own);
-  bring(made);
-  assert.deepEqual(keysHere(), [own, OTHER, made]); // until it is known to hold the folds
-  replaceOwn(made);
-  assert.deepEqual([keysHere(), tokenOf("mine"), tokenOf("theirs")], [[made, OTHER], made, OTHER]);
+  const replacement = newKey();
+  assert.notEqual(replacement, firstKey);
+  bring(replacement);
+  assert.deepEqual(keysHere(), [firstKey, OTHER, replacement]); // until it is known to hold the folds
+  replaceOwn(replacement);
+  assert.deepEqual(
+    [keysHere(), tokenOf("mine"), tokenOf("theirs")],
+    [[replacement, OTHER], replacement, OTHER],
+  );
 });
 
 test("invalid stored data, or no storage at all, does no harm", () => {
@@ -144,12 +147,12 @@ const PAGES = {
   ],
 };
 function service(refuse = () => false) {
-  const asked = [];
+  const requests = [];
   return {
-    asked,
+    asked: requests,
     list: async (address, key) => {
-      asked.push(address);
-      if (refuse(asked.length)) throw new Error("away");
+      requests.push(address);
+      if (refuse(requests.length)) throw new Error("away");
       const page = Number(new URL(address, "http://x").searchParams.get("page") ?? 0);
       const folds = PAGES[key][page].map(([id, at]) => ({
         id,
@@ -165,11 +168,11 @@ function service(refuse = () => false) {
 }
 
 test("the folds of several keys are listed together, newest first", async () => {
-  const { list: answer, asked } = service();
+  const { list: answer, asked: requests } = service();
   const list = new FoldList(["mine", "theirs"], answer);
   const ids = async (count) => (await list.more(count)).map(({ fold, key }) => `${fold.id} ${key}`);
   assert.deepEqual(await ids(3), ["m9 mine", "t8 theirs", "t7 theirs"]);
-  assert.deepEqual([list.total, list.done, asked.length], [7, false, 2]); // no more requests than needed
+  assert.deepEqual([list.total, list.done, requests.length], [7, false, 2]); // no more requests than needed
   assert.deepEqual(await ids(9), ["t6 theirs", "m5 mine", "m4 mine", "m1 mine"]);
   assert.ok(list.done);
   assert.deepEqual(await ids(9), []);

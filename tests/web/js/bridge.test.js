@@ -51,19 +51,21 @@ client.onmessage = ({ data }) => {
 
 async function paint() {
   clock.currentTime++;
-  const taken = messages.splice(0);
+  const sent = messages.splice(0);
   new Context().clear();
   for (const draw of waiting.splice(0)) draw(0);
-  return taken.filter((one) => one !== "SetSceneNodeVisibilityMessage");
+  return sent.filter((name) => name !== "SetSceneNodeVisibilityMessage");
 }
 
 test("the client gets a camera one frame after the poses that it follows", async (t) => {
-  const { document: other, requestAnimationFrame: next } = globalThis; // other test files of this process use them
+  const { document: savedDocument, requestAnimationFrame: next } = globalThis; // other test files of this process use them
   Object.assign(globalThis, {
     document: frameDocument,
     requestAnimationFrame: (draw) => waiting.push(draw),
   });
-  t.after(() => Object.assign(globalThis, { document: other, requestAnimationFrame: next }));
+  t.after(() =>
+    Object.assign(globalThis, { document: savedDocument, requestAnimationFrame: next }),
+  );
   const { port1, port2 } = new MessageChannel();
   client.postMessage({ type: "set_server" });
   frame.dispatchEvent(

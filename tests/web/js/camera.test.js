@@ -29,16 +29,16 @@ for (const {
 } of vectors.camera) {
   test(`framing ${name}`, async () => {
     const { arrays } = await unpack(points);
-    const few = fewPoints(arrays.points);
-    const view = framing(few, seeing);
-    const found = [
+    const sample = fewPoints(arrays.points);
+    const view = framing(sample, seeing);
+    const values = [
       view.azimuth,
       ...view.target,
       view.distance,
-      distanceNeeded(few, view, seeing),
+      distanceNeeded(sample, view, seeing),
       ...positionOf(view),
     ];
-    close(found, [azimuth, ...target, distance, needed, ...position], { rtol: 1e-6 });
+    close(values, [azimuth, ...target, distance, needed, ...position], { rtol: 1e-6 });
   });
 }
 
@@ -59,8 +59,8 @@ test("while the camera moves between two views, the whole chain stays in the pic
     mixed.target,
     from.target.map((v, k) => (v + to.target[k]) / 2),
   );
-  const aside = Math.hypot(...mixed.target.map((v, k) => v - from.target[k]));
-  assert.ok(mixed.distance >= from.distance + aside);
+  const offset = Math.hypot(...mixed.target.map((v, k) => v - from.target[k]));
+  assert.ok(mixed.distance >= from.distance + offset);
 });
 
 test("the camera looks at modules from a side where nothing hides them", () => {

@@ -20,12 +20,12 @@ function draw(pictures) {
   }
 }
 
-async function shown(given = vectors.timeline, options = {}) {
+async function playerOf(recording = vectors.timeline, options = {}) {
   globalThis.requestAnimationFrame = (then) => due.push(then);
-  const { timeline } = await recorded(given);
+  const { timeline } = await recorded(recording);
   const player = new Player(timeline, options);
-  player.colourBy = (chosen) => {
-    player.colouring = chosen;
+  player.colourBy = (colouring) => {
+    player.colouring = colouring;
   };
   await turnOfEvents();
   draw(200);
@@ -33,7 +33,7 @@ async function shown(given = vectors.timeline, options = {}) {
 }
 
 // Count the corners of modules outside the picture, or behind a panel that covers a part of it.
-function outside({ rig, shown: snapshot, timeline }, covered = 0) {
+function outside({ rig, snapshot, timeline }, covered = 0) {
   const { view } = rig;
   const { field, aspect } = rig.seeing();
   const [right, up, out] = axesOf(view.azimuth, view.elevation);
@@ -66,7 +66,7 @@ function outside({ rig, shown: snapshot, timeline }, covered = 0) {
 }
 
 test("the followed chain stays above a panel", async () => {
-  const { player, timeline } = await shown(vectors.films[0], { aspect: () => 1.6, calm: true });
+  const { player, timeline } = await playerOf(vectors.films[0], { aspect: () => 1.6, calm: true });
   const ends = [0, timeline.last >> 1, timeline.last];
   const hidden = (covered) =>
     ends.map((frame) => {
@@ -84,7 +84,7 @@ const part = (low, high) => low + ((high - low) * random(10_000)) / 10_000;
 for (const film of vectors.films) {
   test(`no corner of ${film.name} is outside of the picture while it is followed`, async () => {
     let aspect = 1.6;
-    const { player, timeline } = await shown(film, { aspect: () => aspect, calm: true });
+    const { player, timeline } = await playerOf(film, { aspect: () => aspect, calm: true });
     for (let frame = 0; frame <= timeline.last; frame += EVERY) {
       aspect = [1.6, 0.6, 2.4][random(3)];
       player.send({ do: "seek", frame });
@@ -108,7 +108,7 @@ for (const film of vectors.films) {
 }
 
 test("a turned and zoomed camera stays so in other frames until it is reset", async () => {
-  const { player, timeline } = await shown();
+  const { player, timeline } = await playerOf();
   const usual = player.rig.view;
   player.send({ do: "orbit", turn: [0.5, 0.2], zoom: 2 });
   draw(200);
@@ -125,7 +125,7 @@ test("a turned and zoomed camera stays so in other frames until it is reset", as
 });
 
 test("zooming in ends where the chain would be cut off, and zooming out begins at once", async () => {
-  const { player } = await shown();
+  const { player } = await playerOf();
   for (let k = 0; k < 20; k++) player.send({ do: "orbit", zoom: 0.7 });
   draw(200);
   const near = player.rig.view.distance;
@@ -136,7 +136,7 @@ test("zooming in ends where the chain would be cut off, and zooming out begins a
 });
 
 test("moving the picture ends following, and Follow continues from that direction", async () => {
-  const { player, timeline } = await shown();
+  const { player, timeline } = await playerOf();
   player.send({ do: "orbit", turn: [0.7, 0] });
   player.send({ do: "orbit", move: [0.2, 0.1] });
   assert.equal(player.is.follow, false);
@@ -157,21 +157,23 @@ test("a camera in an address shows the same view in another player", async () =>
     [{ zoom: 1.3 }],
     [{ turn: [1, 0.4], zoom: 1.2 }, { move: [0.2, -0.1] }, { zoom: 0.6 }],
   ]) {
-    const [{ player: one }, { player: other }] = [await shown(), await shown()];
-    one.send({ do: "seek", frame: 40 });
-    for (const orbit of orbits) one.send({ do: "orbit", ...orbit });
+    const [{ player: first }, { player: second }] = [await playerOf(), await playerOf()];
+    first.send({ do: "seek", frame: 40 });
+    for (const orbit of orbits) first.send({ do: "orbit", ...orbit });
     draw(200);
-    const camera = one.rig.at(one.shown);
-    other.send({ do: "set", follow: one.is.follow });
-    other.send({ do: "seek", frame: 40 });
-    other.send({ do: "camera", camera });
+    const camera = first.rig.at(first.snapshot);
+    second.send({ do: "set", follow: first.is.follow });
+    second.send({ do: "seek", frame: 40 });
+    second.send({ do: "camera", camera });
     draw(200);
     // The direction and position of the camera are visible, the distance of its target is not.
-    close(other.rig.eye.position, one.rig.eye.position, { atol: 1e-6 * one.rig.view.distance });
+    close(second.rig.eye.position, first.rig.eye.position, {
+      atol: 1e-6 * first.rig.view.distance,
+    });
     close(
-      [other.rig.view.azimuth, other.rig.view.elevation],
-      [one.rig.view.azimuth, one.rig.view.elevation],
+      [second.rig.view.azimuth, second.rig.view.elevation],
+      [first.rig.view.azimuth, first.rig.view.elevation],
     );
-    assert.equal(cameraText(other.rig.at(other.shown)), cameraText(camera));
+    assert.equal(cameraText(second.rig.at(second.snapshot)), cameraText(camera));
   }
 });

@@ -7,7 +7,7 @@ import {
   neighbours,
   nextCells,
   through,
-  told,
+  pathText,
   touch,
 } from "../../../web/static/js/editor/cell_path.js";
 import { cellOf, keyOf, keysOf } from "../../../web/static/js/editor/painting.js";
@@ -30,8 +30,8 @@ test("neighbours share a face, and none lies beyond the edge", () => {
     const [x, y, z] = cellOf(k, SIZE);
     const near = neighbours(k, SIZE);
     assert.equal(near.length, 6 - [x, y, z].filter((v) => v === 0 || v === SIZE - 1).length);
-    for (const other of near) {
-      const [i, j, l] = cellOf(other, SIZE);
+    for (const neighbour of near) {
+      const [i, j, l] = cellOf(neighbour, SIZE);
       assert.equal(Math.abs(i - x) + Math.abs(j - y) + Math.abs(l - z), 1);
     }
   }
@@ -39,9 +39,9 @@ test("neighbours share a face, and none lies beyond the edge", () => {
 
 test("a path is whole when it visits all cells, each once, from face to face", () => {
   const square = [key(0, 0), key(0, 1), key(1, 1), key(1, 0)];
-  const found = checked(painted(square, square));
-  assert.ok(found.whole);
-  assert.deepEqual(told(found), { text: "The path visits all 4 cells.", tone: "good" });
+  const report = checked(painted(square, square));
+  assert.ok(report.complete);
+  assert.deepEqual(pathText(report), { text: "The path visits all 4 cells.", tone: "good" });
   assert.deepEqual(checked(painted(square, square.slice(0, 3))).missing, [key(1, 0)]);
   assert.deepEqual(
     checked(painted(square, [square[0], square[2], square[1], square[3]])).gaps,
@@ -50,13 +50,13 @@ test("a path is whole when it visits all cells, each once, from face to face", (
   const twice = checked(painted(square, [...square, square[0]]));
   assert.deepEqual(twice.repeats, [[0, 4]]);
   assert.equal(
-    told(twice).text,
+    pathText(twice).text,
     "Cells 1 and 5 of the path are the same cell. A path visits each cell only once.",
   );
-  assert.equal(checked(painted(row(2), row(2))).whole, false); // a chain needs a joint
-  assert.match(told(checked(painted(row(2), row(2)))).text, /needs at least 3/);
+  assert.equal(checked(painted(row(2), row(2))).complete, false); // a chain needs a joint
+  assert.match(pathText(checked(painted(row(2), row(2)))).text, /needs at least 3/);
   assert.match(
-    told(checked(painted(row(4), [key(0, 0), key(0, 1), key(0, 3)]))).text,
+    pathText(checked(painted(row(4), [key(0, 0), key(0, 1), key(0, 3)]))).text,
     /^Cells 2 and 3 do not touch/,
   );
 });
@@ -64,16 +64,16 @@ test("a path is whole when it visits all cells, each once, from face to face", (
 test("a path that the editor calls complete is one for the planner too", () => {
   for (const { cells, code } of vectors.paths) {
     const path = cells.map((cell) => key(...cell));
-    const found = checked(painted(path, path));
+    const report = checked(painted(path, path));
     const problem =
       path.length < 3
         ? "too-few-cells"
-        : found.repeats.length
+        : report.repeats.length
           ? "repeated-cell"
-          : found.gaps.length
+          : report.gaps.length
             ? "not-adjacent"
             : null;
-    assert.deepEqual([problem, found.whole], [code, code === null]);
+    assert.deepEqual([problem, report.complete], [code, code === null]);
   }
 });
 
@@ -81,14 +81,14 @@ test("the editor says while you draw that a shape can have no path", () => {
   const star = [key(5, 5), ...neighbours(key(5, 5), SIZE)]; // one cell of a colour, five of the other
   const none = checked(painted(star));
   assert.equal(none.difference, 4);
-  assert.match(told(none).text, /^No path yet\. No path visits all cells:/);
+  assert.match(pathText(none).text, /^No path yet\. No path visits all cells:/);
   const passedBy = checked(painted(row(6), [key(0, 2), key(0, 3)]));
   assert.deepEqual([passedBy.missing.length, passedBy.lost], [4, []]); // both ends can continue
-  const left = checked(painted(row(6), [key(0, 0), key(0, 1)]));
-  assert.deepEqual(left.lost, []);
+  const oneSided = checked(painted(row(6), [key(0, 0), key(0, 1)]));
+  assert.deepEqual(oneSided.lost, []);
   const apart = checked(painted([...row(3), key(5, 6)], row(3)));
   assert.deepEqual(apart.lost, [key(5, 6)]);
-  assert.match(told(apart).text, /can no longer reach 1 of the remaining cells/);
+  assert.match(pathText(apart).text, /can no longer reach 1 of the remaining cells/);
 });
 
 test("a path grows at its ends, removes its last cell, and closes a gap", () => {
@@ -126,13 +126,13 @@ test("a path drawn by hand has no gaps or repeated cells, and can be undone", ()
   editor.take("path");
   for (let k = 0; k < 190; k++) {
     const near = painting.path.length ? neighbours(painting.path.at(random(2) - 1), SIZE) : [444];
-    const where = random(6) ? near[random(near.length)] : random(SIZE ** 3);
-    editor.press(where);
+    const cell = random(6) ? near[random(near.length)] : random(SIZE ** 3);
+    editor.press(cell);
     editor.lift(random(9) > 0);
-    const found = checked(painting.state);
+    const report = checked(painting.state);
     assert.deepEqual(
-      [found.gaps, found.repeats, found.missing.length > 0],
-      [[], [], found.length < found.cells],
+      [report.gaps, report.repeats, report.missing.length > 0],
+      [[], [], report.length < report.cells],
     );
   }
   assert.ok(painting.path.length > 10);

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { radians } from "../../../web/static/js/lib/text.js";
 import {
-  colouring,
+  colouringFor,
   colouringsOf,
   isOffered,
   ramped,
@@ -30,12 +30,12 @@ const figuresOf = (modules, joints) => ({
 test("colours of a ramp are the same as in Python", async () => {
   const { bundle, shares, errors } = vectors.colours;
   const { header, arrays } = await unpack(bundle);
-  const found = ramped(
+  const colours = ramped(
     Float64Array.from(shares, (v) => v ?? NaN),
     arrays.ramp_error,
     header.colours.unknown,
   );
-  assert.deepEqual([...found], errors);
+  assert.deepEqual([...colours], errors);
 });
 
 test("colour scales end at the same values as in Python", () => {
@@ -46,22 +46,22 @@ test("colour scales end at the same values as in Python", () => {
 
 test("every colouring has a scale in numbers", async () => {
   const { timeline } = await recorded();
-  const shown = timeline.snapshot(timeline.last);
+  const snapshot = timeline.snapshot(timeline.last);
   const figures = figuresOf(timeline.chain.modules, timeline.joints);
   const scales = {};
-  const seen = {};
+  const coloursOf = {};
   for (const [key] of colouringsOf(false)) {
-    const chosen = colouring(key, timeline, figures);
-    seen[key] = chosen.of(shown);
-    assert.equal(seen[key].length, 3 * timeline.chain.modules);
-    scales[key] = chosen.legend().high;
+    const colouring = colouringFor(key, timeline, figures);
+    coloursOf[key] = colouring.of(snapshot);
+    assert.equal(coloursOf[key].length, 3 * timeline.chain.modules);
+    scales[key] = colouring.legend().high;
     assert.match(
-      chosen.legend().ramp,
+      colouring.legend().ramp,
       /^linear-gradient\(to right, (rgb\(\d+ \d+ \d+\)(, |\)$)){9}/,
     );
   }
-  const { speed, error, ...others } = scales;
-  assert.deepEqual(others, {
+  const { speed, error, ...otherScales } = scales;
+  assert.deepEqual(otherScales, {
     "error-even": error,
     position: "0.034 pitch",
     torque: "1.7 N·m",
@@ -77,10 +77,10 @@ test("every colouring has a scale in numbers", async () => {
       { length: colours.length / 3 },
       (_, i) => colours[3 * i] - Math.max(colours[3 * i + 1], colours[3 * i + 2]),
     );
-  assert.ok(Math.max(...redness(seen.error)) > 60);
+  assert.ok(Math.max(...redness(coloursOf.error)) > 60);
   for (const key of ["error-even", "position", "torque", "speed", "chain"])
-    assert.ok(Math.max(...redness(seen[key])) < 60, key);
-  assert.deepEqual([...seen.clearance.subarray(9, 12)], timeline.bundle.header.colours.error);
+    assert.ok(Math.max(...redness(coloursOf[key])) < 60, key);
+  assert.deepEqual([...coloursOf.clearance.subarray(9, 12)], timeline.bundle.header.colours.error);
 });
 
 test("what is not measured yet is grey", async () => {
@@ -88,11 +88,17 @@ test("what is not measured yet is grey", async () => {
   const nothing = { row: () => null, largest: () => 0 };
   const { unknown } = timeline.bundle.header.colours;
   for (const key of ["position", "torque", "clearance"]) {
-    const colours = colouring(key, timeline, nothing).of(timeline.snapshot(0));
+    const colours = colouringFor(key, timeline, nothing).of(timeline.snapshot(0));
     assert.deepEqual([...colours.subarray(0, 3)], unknown, key);
   }
-  assert.equal(colouring("clearance", timeline, nothing).legend().none, "no data for this frame");
-  assert.equal(colouring("position", timeline, nothing).legend().none, "only known while folding");
+  assert.equal(
+    colouringFor("clearance", timeline, nothing).legend().none,
+    "no data for this frame",
+  );
+  assert.equal(
+    colouringFor("position", timeline, nothing).legend().none,
+    "only known while folding",
+  );
 });
 
 test("only colourings with values of single modules are offered", async () => {
@@ -102,8 +108,8 @@ test("only colourings with values of single modules are offered", async () => {
     colouringsOf(false)
       .map(([key]) => key)
       .filter((key) => isOffered(key, of, { offers: (name) => names.includes(name) }));
-  const own = ["error", "error-even", "speed", "chain"];
-  assert.deepEqual(offered(timeline), own); // a downloaded page has no values of single modules
+  const always = ["error", "error-even", "speed", "chain"];
+  assert.deepEqual(offered(timeline), always); // a downloaded page has no values of single modules
   assert.deepEqual(offered(timeline, "clearance"), [
     "error",
     "error-even",
@@ -157,10 +163,10 @@ const READ = [
 
 test("numbers are read from files in many formats", () => {
   for (const [text, values, name, unit] of READ) {
-    const found = read(text);
-    assert.deepEqual([list(found), found.name, found.unit], [values, name, unit], text);
-    const known = values.filter((value) => value !== null);
-    assert.deepEqual([found.low, found.high], [Math.min(...known), Math.max(...known)], text);
+    const parsed = read(text);
+    assert.deepEqual([list(parsed), parsed.name, parsed.unit], [values, name, unit], text);
+    const finite = values.filter((value) => value !== null);
+    assert.deepEqual([parsed.low, parsed.high], [Math.min(...finite), Math.max(...finite)], text);
   }
 });
 
@@ -191,17 +197,17 @@ test("unsuitable numbers are refused with a message", () => {
 });
 
 test("stored numbers are restored within one level of the scale", () => {
-  const own = read("1;2;3;4\n5;6;7;8\n9;10;11;");
-  const back = unpacked(packed(own), 4);
-  assert.deepEqual([back.name, back.rows, back.low, back.high], ["heat", 3, 1, 11]);
-  own.values.forEach((value, i) =>
+  const ownValues = read("1;2;3;4\n5;6;7;8\n9;10;11;");
+  const restored = unpacked(packed(ownValues), 4);
+  assert.deepEqual([restored.name, restored.rows, restored.low, restored.high], ["heat", 3, 1, 11]);
+  ownValues.values.forEach((value, i) =>
     assert.ok(
       Number.isNaN(value)
-        ? Number.isNaN(back.values[i])
-        : Math.abs(value - back.values[i]) <= 10 / 254,
+        ? Number.isNaN(restored.values[i])
+        : Math.abs(value - restored.values[i]) <= 10 / 254,
     ),
   );
-  assert.deepEqual(list(read(JSON.stringify(packed(own)))), list(back));
+  assert.deepEqual(list(read(JSON.stringify(packed(ownValues)))), list(restored));
   // Rows beyond the limit are dropped evenly.
   const long = readValues(
     JSON.stringify(Array.from({ length: 90 }, (_, k) => Array.from({ length: 1000 }, () => k))),
@@ -216,9 +222,9 @@ test("stored numbers are restored within one level of the scale", () => {
 });
 
 test("values between rows are interpolated", () => {
-  const own = read("1;2;3;4\n5;6;7;8\n9;10;11;");
-  assert.deepEqual(Array.from(valuesAt(own, 0)), [1, 2, 3, 4]);
-  assert.deepEqual(Array.from(valuesAt(own, 0.25)), [3, 4, 5, 6]);
-  assert.deepEqual(Array.from(valuesAt(own, 0.9)).map(Math.round), [8, 9, 10, NaN]);
-  assert.deepEqual(Array.from(valuesAt(own, 1)), [9, 10, 11, NaN]);
+  const ownValues = read("1;2;3;4\n5;6;7;8\n9;10;11;");
+  assert.deepEqual(Array.from(valuesAt(ownValues, 0)), [1, 2, 3, 4]);
+  assert.deepEqual(Array.from(valuesAt(ownValues, 0.25)), [3, 4, 5, 6]);
+  assert.deepEqual(Array.from(valuesAt(ownValues, 0.9)).map(Math.round), [8, 9, 10, NaN]);
+  assert.deepEqual(Array.from(valuesAt(ownValues, 1)), [9, 10, 11, NaN]);
 });

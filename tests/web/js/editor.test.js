@@ -6,9 +6,9 @@ import { bounds } from "../../../web/static/js/editor/shape_tools.js";
 import { Editor } from "../../../web/static/js/editor/state.js";
 
 const key = (x, y, z = 0) => keyOf(x, y, z, 10);
-function painted(count, how = "no", maxModules = 200) {
+function painted(count, conversion = "no", maxModules = 200) {
   const editor = new Editor(maxModules);
-  editor.draft.note({ how });
+  editor.draft.note({ conversion });
   editor.step(() =>
     editor.painting.paint(
       Array.from({ length: count }, (_, y) => key(0, y)),
@@ -70,14 +70,17 @@ test("your own path is ready when it visits all cells", () => {
     true,
     false,
   ]);
-  assert.ok(editor.standing.whole);
+  assert.ok(editor.standing.complete);
 });
 
 test("the path is shown when its tool or its option is chosen", () => {
   const editor = painted(2);
   assert.equal(editor.shownPath, null);
   editor.take("path"); // also selects your own path
-  assert.deepEqual([editor.draft.how, editor.shownPath], ["path", { path: [], atStart: false }]);
+  assert.deepEqual(
+    [editor.draft.conversion, editor.shownPath],
+    ["path", { path: [], atStart: false }],
+  );
   editor.take("paint");
   assert.ok(editor.shownPath);
   editor.choose("yes");
@@ -154,7 +157,10 @@ test("a letter names the shape, a file gives the cells and their order", () => {
   assert.deepEqual([editor.painting.filled, editor.name], [0, "Duck/1"]);
   const large = { size: 10, cells: new Uint8Array(1000).fill(1, 0, 30), path: [] };
   editor.open(large, "Slab", false); // 240 modules of blocks would be too many
-  assert.deepEqual([editor.draft.how, editor.name, editor.painting.filled], ["yes", "Slab", 30]);
+  assert.deepEqual(
+    [editor.draft.conversion, editor.name, editor.painting.filled],
+    ["yes", "Slab", 30],
+  );
   editor.resize(16);
   assert.deepEqual([editor.painting.size, editor.painting.filled], [16, 30]);
   editor.step(() => editor.painting.paint([keyOf(15, 15, 15, 16), keyOf(0, 0, 0, 16)], true));

@@ -31,7 +31,7 @@ for (const { name, bundle, batch, frames } of vectors.windows) {
       const { positions, wxyzs, core, rod } = kinematics.windowPoses(row);
       const expected = (await unpack(poses)).arrays;
       // Both ends have single precision, and one is far away.
-      const length = expected.positions.reduce((most, v) => Math.max(most, Math.abs(v)), 1);
+      const length = expected.positions.reduce((max, v) => Math.max(max, Math.abs(v)), 1);
       close(positions, expected.positions, { atol: 1e-6 * length });
       closeTurns(wxyzs, expected.wxyzs);
       close(
@@ -39,9 +39,11 @@ for (const { name, bundle, batch, frames } of vectors.windows) {
         expected.angles,
       );
       assert.deepEqual([...row.errors].map(Number.isNaN), [...expected.errors].map(Number.isNaN));
-      const known = expected.errors.some(Number.isNaN) ? [[], []] : [row.errors, expected.errors];
-      close(...known, { atol: 1e-12, rtol: 1 / 256 });
-      off = Math.max(off, ...known[1]);
+      const errorPair = expected.errors.some(Number.isNaN)
+        ? [[], []]
+        : [row.errors, expected.errors];
+      close(...errorPair, { atol: 1e-12, rtol: 1 / 256 });
+      off = Math.max(off, ...errorPair[1]);
       assert.ok(core >= 1 && core <= rod + 1 && rod + 1 <= header.chain.modules);
       straight = Math.max(straight, header.chain.modules - rod);
       folded = Math.max(folded, core);
@@ -60,11 +62,11 @@ test("the windows of a plan are played backwards, then forwards", async () => {
   const offsets = [0, ...ends],
     none = new Float32Array();
   const last = Array.from(first, (a, k) => a + offsets[k + 1] - offsets[k]);
-  const both = thereAndBack({ frames: plan.rows, first, last, offsets, values });
+  const roundTrip = thereAndBack({ frames: plan.rows, first, last, offsets, values });
   const rows = new Rows(
     {
       arrays: {
-        ...both,
+        ...roundTrip,
         time_s: new Float64Array(2 * plan.rows),
         phase: [],
         base_position: none,
@@ -87,10 +89,10 @@ test("packed columns are decoded", async () => {
   assert.deepEqual(header, { said: "ü" });
   assert.deepEqual([...arrays.plain], [0, 1, 2, 3, 4]);
   close(arrays.angles, angles, { atol: 6e-7 });
-  const known = errors.flatMap((v, k) => (v === null ? [] : [k]));
+  const finite = errors.flatMap((v, k) => (v === null ? [] : [k]));
   close(
-    known.map((k) => arrays.errors[k]),
-    known.map((k) => errors[k]),
+    finite.map((k) => arrays.errors[k]),
+    finite.map((k) => errors[k]),
     { rtol: 1 / 256 },
   );
   assert.deepEqual(
@@ -100,8 +102,8 @@ test("packed columns are decoded", async () => {
 });
 
 test("a message that was cut short is refused", async () => {
-  const whole = Buffer.from(vectors.columns.message, "base64");
-  const half = new Uint8Array(whole.subarray(0, whole.length / 2));
+  const complete = Buffer.from(vectors.columns.message, "base64");
+  const half = new Uint8Array(complete.subarray(0, complete.length / 2));
   await assert.rejects(decode(half.buffer));
 });
 
@@ -113,15 +115,15 @@ const angleBetween = (a, b) =>
 // Positions relative to the first module.
 const relative = (positions) => positions.map((v, k) => v - positions[k % 3]);
 
-for (const given of vectors.shipped) {
-  test(`the last frame of ${given.name} is drawn as its chain says`, async () => {
-    const { timeline } = await recorded(given);
-    const drawn = (await unpack(given.drawn)).arrays;
-    const shown = timeline.snapshot(timeline.last);
-    close(relative(shown.positions), relative(drawn.positions), { atol: 0.05 });
+for (const recording of vectors.shipped) {
+  test(`the last frame of ${recording.name} is drawn as its chain says`, async () => {
+    const { timeline } = await recorded(recording);
+    const drawn = (await unpack(recording.drawn)).arrays;
+    const snapshot = timeline.snapshot(timeline.last);
+    close(relative(snapshot.positions), relative(drawn.positions), { atol: 0.05 });
     for (let i = 0; i < timeline.chain.modules; i++) {
       const off = angleBetween(
-        shown.wxyzs.subarray(4 * i, 4 * i + 4),
+        snapshot.wxyzs.subarray(4 * i, 4 * i + 4),
         drawn.wxyzs.subarray(4 * i, 4 * i + 4),
       );
       assert.ok(off < 0.01, `module ${i} is off by ${off} rad`);
@@ -133,17 +135,17 @@ for (const given of vectors.shipped) {
         row.wxyz,
       );
     let last = null;
-    let most = 0;
+    let maxTurn = 0;
     for (let frame = 0; frame <= timeline.last; frame += 0.5) {
       const turn = timeline.standing.turned([1, 0, 0, 0], frame);
-      if (last) most = Math.max(most, angleBetween(turn, last));
+      if (last) maxTurn = Math.max(maxTurn, angleBetween(turn, last));
       last = turn;
     }
-    assert.ok(most < 0.05, `turns by ${most} rad in half a frame`);
+    assert.ok(maxTurn < 0.05, `turns by ${maxTurn} rad in half a frame`);
   });
 
-  test(`${given.name} counts as 0 folded where it is straight and as 1 where it is folded`, async () => {
-    const { timeline } = await recorded(given);
+  test(`${recording.name} counts as 0 folded where it is straight and as 1 where it is folded`, async () => {
+    const { timeline } = await recorded(recording);
     const at = (frame) => timeline.folded(timeline.snapshot(frame));
     const { from } = timeline.outline.phases.findLast(({ name }) => name === "playback");
     close(
@@ -151,13 +153,13 @@ for (const given of vectors.shipped) {
       [timeline.outline.phases.length > 1 ? 1 : 0, 0, 1],
       { atol: 0.01 },
     );
-    let most = 0;
+    let maxFolded = 0;
     for (let frame = from; frame <= timeline.last; frame++) {
-      assert.ok(at(frame) > most - 0.02, `frame ${frame} is folded less than one before`);
-      most = Math.max(most, at(frame));
+      assert.ok(at(frame) > maxFolded - 0.02, `frame ${frame} is folded less than one before`);
+      maxFolded = Math.max(maxFolded, at(frame));
     }
-    for (const wanted of [0.25, 0.5, 0.9])
-      close([at(frameFolded(timeline, wanted))], [wanted], { atol: 0.005 });
+    for (const share of [0.25, 0.5, 0.9])
+      close([at(frameFolded(timeline, share))], [share], { atol: 0.005 });
     close([frameFolded(timeline, 0), frameFolded(timeline, 1)], [from, timeline.last], {});
   });
 }
@@ -262,11 +264,11 @@ test("frames are fetched from the current one on, around the timeline, until all
 test("of a long timeline only frames near the current one are fetched, and the last one if it is needed", () => {
   const store = filled(100 * 256, { windowed: true });
   store.focus = 50 * 256;
-  const wanted = (end) => [...store.near(end)];
-  assert.deepEqual(wanted(false), [50, 51, 49, 52, 53, 54, 55, 56]);
-  assert.equal(wanted(true).at(-1), 99);
+  const chunksNear = (end) => [...store.near(end)];
+  assert.deepEqual(chunksNear(false), [50, 51, 49, 52, 53, 54, 55, 56]);
+  assert.equal(chunksNear(true).at(-1), 99);
   store.focus = 0;
-  assert.deepEqual(wanted(false), [0, 1, 2, 3, 4, 5, 6]);
+  assert.deepEqual(chunksNear(false), [0, 1, 2, 3, 4, 5, 6]);
 });
 
 test("when memory is full, the frames farthest from the current one are dropped", () => {
@@ -275,9 +277,9 @@ test("when memory is full, the frames farthest from the current one are dropped"
   for (let k = 0; k < 20; k++) store.put(batch(256, k, 8 * 2 ** 20), { start: 256 * k, stride: 1 });
   store.spare();
   assert.equal(store.bytes, 64 * 2 ** 20);
-  const kept = new Set([...store.frames.keys()].map((frame) => Math.floor(frame / 256)));
+  const chunks = new Set([...store.frames.keys()].map((frame) => Math.floor(frame / 256)));
   assert.deepEqual(
-    [...kept].map((k) => Math.abs(k - 10) <= 4),
+    [...chunks].map((k) => Math.abs(k - 10) <= 4),
     Array(8).fill(true),
   );
 });

@@ -4,20 +4,20 @@ import { test } from "node:test";
 import { Hand } from "../../../web/static/js/viewer/scene.js";
 import { close } from "./vectors.js";
 
-function held(follows = true) {
+function handWith(follows = true) {
   const done = [];
   const hand = new Hand((orbit) => done.push(orbit), {
     height: () => 100,
     follows: () => follows,
     tap: (...place) => done.push({ tap: place }),
   });
-  const say = (type, offsetX = 0, offsetY = 0, more = {}) =>
-    hand.hear({ type, pointerId: 1, offsetX, offsetY, button: 0, ...more });
+  const say = (type, offsetX = 0, offsetY = 0, properties = {}) =>
+    hand.hear({ type, pointerId: 1, offsetX, offsetY, button: 0, ...properties });
   return { done, hand, say };
 }
 
 test("a drag turns the camera only when it is longer than a click", () => {
-  const { done, say } = held();
+  const { done, say } = handWith();
   say("pointermove", 50, 50); // no button is pressed
   say("pointerdown", 10, 10);
   say("pointermove", 12, 11);
@@ -30,7 +30,7 @@ test("a drag turns the camera only when it is longer than a click", () => {
 });
 
 test("the right button moves the picture and a wheel zooms", () => {
-  const { done, hand, say } = held();
+  const { done, hand, say } = handWith();
   say("pointerdown", 0, 0, { button: 2 });
   say("pointermove", 10, 20);
   close(done[0].move, [0.1, -0.2]);
@@ -41,7 +41,7 @@ test("the right button moves the picture and a wheel zooms", () => {
 
 test("two fingers zoom and move the picture only where nothing is followed", () => {
   for (const follows of [true, false]) {
-    const { done, say } = held(follows);
+    const { done, say } = handWith(follows);
     say("pointerdown", 40, 0);
     say("pointerdown", 60, 0, { pointerId: 2 });
     say("pointermove", 80, 0, { pointerId: 2 });
@@ -52,13 +52,13 @@ test("two fingers zoom and move the picture only where nothing is followed", () 
 });
 
 test("a press that hardly moves is a tap of one finger or of the main button", () => {
-  const { done, say } = held();
-  const press = (x, more) => {
+  const { done, say } = handWith();
+  const press = (x, properties) => {
     done.splice(0);
-    say("pointerdown", 10, 10, more);
-    say("pointermove", x, 10, more);
-    say("pointerup", x, 10, more);
-    return done.map((what) => Object.keys(what)[0]);
+    say("pointerdown", 10, 10, properties);
+    say("pointermove", x, 10, properties);
+    say("pointerup", x, 10, properties);
+    return done.map((action) => Object.keys(action)[0]);
   };
   assert.deepEqual(press(13), ["tap"]);
   assert.deepEqual(done, [{ tap: [13, 10] }]);

@@ -8,9 +8,9 @@ for (const { name, bundle, given } of vectors.kinematics) {
   test(`poses of ${name}`, async () => {
     const { header } = await unpack(bundle);
     const { angles, position, wxyz, positions, wxyzs } = (await unpack(given)).arrays;
-    const found = new Kinematics(header.chain).poses(angles, position, wxyz);
-    close(found.positions, positions, { atol: 2e-6 });
-    closeTurns(found.wxyzs, wxyzs);
+    const poses = new Kinematics(header.chain).poses(angles, position, wxyz);
+    close(poses.positions, positions, { atol: 2e-6 });
+    closeTurns(poses.wxyzs, wxyzs);
   });
 }
 
@@ -28,11 +28,13 @@ for (const { name, bundle, given, origin, ways, modules } of vectors.picking) {
 test("touching faces are found", async () => {
   const { bundle, beside, buried } = vectors.touching;
   const { header, arrays } = await unpack(bundle);
-  const found = touching(header, new Kinematics(header.chain, arrays.folded_rad).folded);
-  const faces = found.length / beside.length;
+  const neighbours = touching(header, new Kinematics(header.chain, arrays.folded_rad).folded);
+  const faces = neighbours.length / beside.length;
   assert.deepEqual(
-    beside.map((_, i) => [...found.subarray(i * faces, (i + 1) * faces)].sort((a, b) => a - b)),
+    beside.map((_, i) =>
+      [...neighbours.subarray(i * faces, (i + 1) * faces)].sort((a, b) => a - b),
+    ),
     beside,
   );
-  assert.deepEqual([...buriedBy(found, header.chain.modules)], buried);
+  assert.deepEqual([...buriedBy(neighbours, header.chain.modules)], buried);
 });

@@ -12,7 +12,7 @@ import {
 
 const said = {
   limits: "",
-  known: true,
+  standard: true,
   module: "cube",
   start: "straight",
   end: "folded: 3 of 12 hinges are bent, by up to 90.0 degrees",
@@ -39,7 +39,7 @@ test("a checked plan is described by its modules, their size, the start and the 
   assert.match(
     outcome("claim", {
       ...proved,
-      said: { ...said, known: false, module: '"brick" as the plan describes it' },
+      said: { ...said, standard: false, module: '"brick" as the plan describes it' },
     }),
     /Each module, at 95\.0 % of its full size, is "brick" as the plan describes it\..*at least 3\.1 % of the spacing apart/,
   );
@@ -183,12 +183,12 @@ test("permission to notify is asked on a click only, and a hidden tab notifies o
     Object.assign(globalThis, { document: page, window: browser, Notification: undefined }),
   );
   const parts = {};
-  let asked = 0;
+  let requests = 0;
   const sent = [];
   class Notification {
     static permission = "default";
     static requestPermission() {
-      asked += 1;
+      requests += 1;
       return Promise.resolve("granted");
     }
     constructor(title, { tag }) {
@@ -207,9 +207,9 @@ test("permission to notify is asked on a click only, and a hidden tab notifies o
   const end = awaitOutcome(() => {});
   const over = { ...facts("good"), id: "abc" };
   end(over);
-  assert.deepEqual([asked, sent], [0, []]); // no request, no notification
+  assert.deepEqual([requests, sent], [0, []]); // no request, no notification
   await parts.notify.onclick();
-  assert.deepEqual([asked, sent], [1, []]);
+  assert.deepEqual([requests, sent], [1, []]);
   end(over);
   assert.deepEqual(sent, [["✓ torus", "abc"]]);
   document.hidden = false;
@@ -250,7 +250,7 @@ test("a fold has no verdict, and can be cancelled, while its files are written",
   const progress = new Progress({ id: "abc" }, () => null);
   progress.token = "key";
   parts.name = { textContent: "torus" };
-  const shown = (stage) => {
+  const partsAt = (stage) => {
     progress.show({ status: "running", stage, fraction: 0.5, remaining_s: 0 });
     return [
       parts.verdict.dataset.tone,
@@ -259,12 +259,12 @@ test("a fold has no verdict, and can be cancelled, while its files are written",
       parts.progress.classList.unmeasured,
     ];
   };
-  assert.deepEqual(shown("certify"), [
+  assert.deepEqual(partsAt("certify"), [
     "busy",
     "Checking clearance 50 % · takes longer than usual",
     false,
     false,
   ]);
-  assert.deepEqual(shown("export"), ["busy", "Writing the files …", false, true]);
+  assert.deepEqual(partsAt("export"), ["busy", "Writing the files …", false, true]);
   assert.equal(document.title, "Writing the files … · torus · foldback");
 });

@@ -79,17 +79,17 @@ test("undo also restores the grid and the path, and a cancelled step leaves no t
 
 test("any sequence of strokes can be undone, as far as steps are kept", () => {
   const painting = new Painting();
-  const seen = [[...painting.cells]];
+  const states = [[...painting.cells]];
   for (let k = 0; k < MOST_STEPS + 20; k++) {
     const keys = Array.from({ length: 1 + random(5) }, () => random(SIZE ** 3));
     painting.begin();
     painting.paint(keys, random(2) === 1);
-    if (painting.end()) seen.push([...painting.cells]);
+    if (painting.end()) states.push([...painting.cells]);
   }
   assert.ok(painting.done.length <= MOST_STEPS);
   while (painting.undo()) {
-    seen.pop();
-    assert.deepEqual([...painting.cells], seen.at(-1));
+    states.pop();
+    assert.deepEqual([...painting.cells], states.at(-1));
   }
 });
 
@@ -179,7 +179,7 @@ function storing(text = null) {
     },
   };
 }
-const seen = ({ how, name }) => [how, name];
+const draftOf = ({ conversion, name }) => [conversion, name];
 afterEach(() => {
   delete globalThis.localStorage;
   delete globalThis.sessionStorage;
@@ -204,10 +204,10 @@ test("the steps for undo and redo survive leaving the page, as far as they fit",
   step(2);
   painting.undo();
   painting.leave();
-  const again = new Painting();
-  assert.deepEqual([again.filled, again.done.length, again.undone.length], [1, 1, 1]);
-  again.redo();
-  assert.equal(again.filled, 2);
+  const restored = new Painting();
+  assert.deepEqual([restored.filled, restored.done.length, restored.undone.length], [1, 1, 1]);
+  restored.redo();
+  assert.equal(restored.filled, 2);
   painting.become({ size: 32, cells: new Uint8Array(32 ** 3).fill(1), path: [] });
   for (let k = 0; k < 9; k++) {
     painting.begin();
@@ -223,14 +223,14 @@ test("the steps for undo and redo survive leaving the page, as far as they fit",
 
 test("a draft keeps its path and its name after a reload", () => {
   storing();
-  new Draft().note({ how: "path", name: "Duck" });
-  assert.deepEqual(seen(new Draft()), ["path", "Duck"]);
+  new Draft().note({ conversion: "path", name: "Duck" });
+  assert.deepEqual(draftOf(new Draft()), ["path", "Duck"]);
 });
 
 test("a draft is empty if nothing valid is stored", () => {
-  for (const text of [null, "{", "null", '{"how":"all","name":7}']) {
+  for (const text of [null, "{", "null", '{"conversion":"all","name":7}']) {
     storing(text);
-    assert.deepEqual(seen(new Draft()), ["no", ""]);
+    assert.deepEqual(draftOf(new Draft()), ["no", ""]);
   }
 });
 
@@ -244,8 +244,8 @@ test("a draft works without storage", () => {
     },
   );
   const draft = new Draft();
-  draft.note({ how: "yes" });
-  assert.equal(draft.how, "yes");
+  draft.note({ conversion: "yes" });
+  assert.equal(draft.conversion, "yes");
 });
 
 test("clearing removes a generated name and keeps a typed one", () => {

@@ -28,8 +28,8 @@ function draw(pictures) {
   }
 }
 
-async function shown(options = {}, given = vectors.timeline) {
-  const { timeline } = await recorded(given);
+async function playerOf(options = {}, recording = vectors.timeline) {
+  const { timeline } = await recorded(recording);
   const player = new Player(timeline, options);
   const events = {};
   for (const name of ["state", "module", "outline", "drawn"])
@@ -43,7 +43,7 @@ async function shown(options = {}, given = vectors.timeline) {
 }
 
 test("a requested frame is shown and reported", async () => {
-  const { player, events, timeline } = await shown();
+  const { player, events, timeline } = await playerOf();
   assert.deepEqual([events.outline.frames, events.outline.modules], [timeline.total, 16]);
   for (const { frame, time_s: time } of vectors.timeline.frames) {
     assert.ok(player.send({ do: "seek", frame }));
@@ -66,36 +66,36 @@ test("a requested frame is shown and reported", async () => {
 test("playing pauses between two pictures, but turning the view does not wait", async () => {
   mock.timers.enable({ apis: ["setTimeout"] });
   try {
-    const { player } = await shown({ pauseMs: () => 1e6 });
+    const { player } = await playerOf({ pauseMs: () => 1e6 });
     const turn = () => {
       player.send({ do: "orbit", turn: [0.1, 0] });
       draw(1);
     };
     player.send({ do: "play" });
     turn();
-    const { frame } = player.shown;
+    const { frame } = player.snapshot;
     draw(5);
-    assert.equal(player.shown.frame, frame);
+    assert.equal(player.snapshot.frame, frame);
     turn();
-    assert.ok(player.shown.frame > frame);
-    const { frame: later } = player.shown;
+    assert.ok(player.snapshot.frame > frame);
+    const { frame: later } = player.snapshot;
     draw(5);
-    assert.equal(player.shown.frame, later);
+    assert.equal(player.snapshot.frame, later);
     mock.timers.tick(1e6);
     draw(1);
-    assert.ok(player.shown.frame > later);
+    assert.ok(player.snapshot.frame > later);
   } finally {
     mock.timers.reset();
   }
 });
 
 test("requests made while a timeline is fetched again are carried out when it is there", async () => {
-  const { player, events, timeline } = await shown();
+  const { player, events, timeline } = await playerOf();
   timeline.status = "growing";
   timeline.over = false;
-  const again = [timeline.chain, timeline.store];
+  const fetched = [timeline.chain, timeline.store];
   const anew = () => {
-    [timeline.chain, timeline.store] = again;
+    [timeline.chain, timeline.store] = fetched;
     timeline.tell("begun");
     draw(1);
   };
@@ -130,7 +130,7 @@ test("a batch with fewer frames than announced is used as far as it goes", () =>
 
 test("with reduced motion the camera jumps to a requested frame, and moves smoothly while playing", async () => {
   for (const calm of [false, true]) {
-    const { player, timeline } = await shown({ calm });
+    const { player, timeline } = await playerOf({ calm });
     draw(60);
     const { distance } = player.rig.view;
     player.send({ do: "seek", frame: Math.round(timeline.last / 2) });
@@ -147,31 +147,31 @@ test("with reduced motion the camera jumps to a requested frame, and moves smoot
 
 for (const kind of ["timeline", "peeled"]) {
   test(`modules are as red as Python says: ${kind}`, async () => {
-    const { player, events } = await shown({ usual: "error" }, vectors[kind]);
+    const { player, events } = await playerOf({ usual: "error" }, vectors[kind]);
     for (const { frame, colours, errors } of vectors[kind].frames) {
       player.send({ do: "seek", frame });
       close(player.colours(), colours, { atol: 2 }); // errors travel with a precision of 1 in 256
-      const known = errors.filter((error) => error !== null);
-      assert.equal(events.state.error_rad === null, !known.length);
-      if (known.length) close([events.state.error_rad], [Math.max(...known)], { rtol: 1 / 256 });
+      const finite = errors.filter((error) => error !== null);
+      assert.equal(events.state.error_rad === null, !finite.length);
+      if (finite.length) close([events.state.error_rad], [Math.max(...finite)], { rtol: 1 / 256 });
     }
   });
 }
 
 test("selected modules are blue, and marked ones stand out", async () => {
-  const { player, timeline } = await shown({ usual: "error" });
+  const { player, timeline } = await playerOf({ usual: "error" });
   player.send({ do: "seek", frame: AT_END.frame });
   const { selected: blue, stuck } = timeline.bundle.header.colours;
   player.send({ do: "select", module: 5 });
   player.mark([2, 99]);
-  const found = player.colours();
-  assert.deepEqual([...found.subarray(15, 18)], blue);
-  assert.deepEqual([...found.subarray(6, 9)], stuck);
-  close(found.subarray(21), AT_END.colours.slice(21), { atol: 2 });
+  const colours = player.colours();
+  assert.deepEqual([...colours.subarray(15, 18)], blue);
+  assert.deepEqual([...colours.subarray(6, 9)], stuck);
+  close(colours.subarray(21), AT_END.colours.slice(21), { atol: 2 });
 });
 
 test("a selected module shows its cell and its joint", async () => {
-  const { player, events, timeline } = await shown();
+  const { player, events, timeline } = await playerOf();
   player.send({ do: "seek", frame: AT_END.frame });
   player.send({ do: "select", module: 6 });
   const { index, cell, joints } = events.module;
@@ -195,7 +195,7 @@ test("a selected module shows its cell and its joint", async () => {
 });
 
 test("joints of a peeled chain show their error where they were simulated", async () => {
-  const { player, events } = await shown({}, vectors.peeled);
+  const { player, events } = await playerOf({}, vectors.peeled);
   const [explosion, middle] = vectors.peeled.frames;
   const module = middle.errors.indexOf(Math.max(...middle.errors));
   player.send({ do: "select", module });
@@ -219,7 +219,7 @@ test("each module but the first and the last shows the hinges of its joint", () 
   };
   const snapshot = { angle: (j) => j, errors: new Float32Array(6) };
   const hinges = [0, 1, 3, 4].map((selected) => {
-    const state = Object.assign(new PlayerState(timeline, true), { shown: snapshot, selected });
+    const state = Object.assign(new PlayerState(timeline, true), { snapshot, selected });
     return state.module.joints.map(({ name, angle_rad: angle, target_rad: target }) => [
       name,
       angle,
@@ -241,8 +241,8 @@ test("each module but the first and the last shows the hinges of its joint", () 
 });
 
 test("a click on a module selects it, and another one deselects it", async () => {
-  const { player, events } = await shown();
-  const at = Array.from(player.shown.positions.subarray(9, 12));
+  const { player, events } = await playerOf();
+  const at = Array.from(player.snapshot.positions.subarray(9, 12));
   player.pick([at[0], at[1], at[2] + 5], [0, 0, -1]);
   assert.equal(events.module.index, 3);
   player.pick([at[0], at[1], at[2] + 5], [0, 0, -1]);
@@ -250,7 +250,7 @@ test("a click on a module selects it, and another one deselects it", async () =>
 });
 
 test("the motion plays to the end with the whole chain in view", async () => {
-  const { player, events, timeline } = await shown({ aspect: () => 0.7 });
+  const { player, events, timeline } = await playerOf({ aspect: () => 0.7 });
   player.send({ do: "play" });
   for (let k = 0; k < 900 && player.is.playing; k++) {
     draw(1);
@@ -259,7 +259,7 @@ test("the motion plays to the end with the whole chain in view", async () => {
     const { view } = player.rig;
     assert.ok(
       view.distance >=
-        (1 - 1e-9) * distanceNeeded(player.rig.points(player.shown), view, player.rig.seeing()),
+        (1 - 1e-9) * distanceNeeded(player.rig.points(player.snapshot), view, player.rig.seeing()),
     );
   }
   assert.deepEqual(
@@ -273,46 +273,47 @@ test("the motion plays to the end with the whole chain in view", async () => {
 });
 
 test("the camera goes to modules that are to be looked at, and back", async () => {
-  const { player } = await shown();
+  const { player } = await playerOf();
   player.send({ do: "seek", frame: 120 });
   draw(200);
-  const whole = player.rig.view;
+  const before = player.rig.view;
   player.lookAt([3, 4], clearestSight);
   draw(200);
-  const seen = player.rig.view;
+  const near = player.rig.view;
   const middle = [0, 1, 2].map(
     (c) =>
-      ((player.shown.positions[9 + c] + player.shown.positions[12 + c]) / 2) * player.rig.pitch,
+      ((player.snapshot.positions[9 + c] + player.snapshot.positions[12 + c]) / 2) *
+      player.rig.pitch,
   );
-  close(seen.target, middle, { atol: 0.5 * player.rig.pitch });
+  close(near.target, middle, { atol: 0.5 * player.rig.pitch });
   player.lookAt([]);
   draw(200);
-  close(player.rig.view.target, whole.target, { atol: 0.1 * player.rig.pitch });
-  close([player.rig.view.distance], [whole.distance], { rtol: 0.05 });
+  close(player.rig.view.target, before.target, { atol: 0.1 * player.rig.pitch });
+  close([player.rig.view.distance], [before.distance], { rtol: 0.05 });
 });
 
 test("the search for the next change continues in frames that arrive later, unless another frame is requested", async () => {
-  const { player, timeline } = await shown();
-  const there = timeline.row;
+  const { player, timeline } = await playerOf();
+  const row = timeline.row;
   const change = (hidden) => {
-    timeline.row = there;
+    timeline.row = row;
     player.send({ do: "seek", frame: 0 });
-    timeline.row = (frame) => (frame >= hidden ? null : there.call(timeline, frame));
+    timeline.row = (frame) => (frame >= hidden ? null : row.call(timeline, frame));
     player.send({ do: "change", way: 1 });
     return player.playhead.frame;
   };
-  const found = change(Infinity);
-  const half = Math.floor(found / 2);
+  const changeFrame = change(Infinity);
+  const half = Math.floor(changeFrame / 2);
   assert.ok(half > 0);
   assert.equal(change(half), half);
   player.send({ do: "change", way: 1 }); // pressed again, it continues the same search
   assert.equal(player.playhead.frame, half);
-  timeline.row = there;
+  timeline.row = row;
   timeline.tell("loaded");
-  assert.equal(player.playhead.frame, found);
+  assert.equal(player.playhead.frame, changeFrame);
   change(half);
   player.send({ do: "step", by: -1 });
-  timeline.row = there;
+  timeline.row = row;
   timeline.tell("loaded");
   assert.equal(player.playhead.frame, half - 1);
 });
@@ -390,12 +391,15 @@ test("a live playhead stays at the end of a growing timeline", () => {
 });
 
 test("two folds play their phases in step", async () => {
-  const [{ player: one, timeline }, { player: two }] = [await shown(), await shown()];
+  const [{ player: first, timeline }, { player: second }] = [await playerOf(), await playerOf()];
   // The second has half as long an explosion.
-  const begin = timeline.outline.phases[1].from;
-  const { outline } = two.timeline;
-  outline.phases = [{ name: "explosion", from: begin / 2, to: begin }, outline.phases[1]];
-  const pair = new Pair([one, two]);
+  const playbackFrom = timeline.outline.phases[1].from;
+  const { outline } = second.timeline;
+  outline.phases = [
+    { name: "explosion", from: playbackFrom / 2, to: playbackFrom },
+    outline.phases[1],
+  ];
+  const pair = new Pair([first, second]);
   let latest = null;
   pair.on("state", (state) => {
     latest = state;
@@ -403,23 +407,23 @@ test("two folds play their phases in step", async () => {
   assert.equal(pair.send({ do: "play" }), false);
   pair.begin();
   assert.equal(pair.last, timeline.last);
-  for (const [frame, other] of [
-    [0, begin / 2],
-    [begin - 1, begin - 1],
-    [begin, begin],
+  for (const [frame, secondFrame] of [
+    [0, playbackFrom / 2],
+    [playbackFrom - 1, playbackFrom - 1],
+    [playbackFrom, playbackFrom],
     [timeline.last, timeline.last],
   ]) {
     assert.ok(pair.send({ do: "seek", frame }));
-    assert.deepEqual([one.playhead.frame, two.playhead.frame], [frame, other]);
-    assert.equal(latest.phase, frame < begin ? "explosion" : "playback");
+    assert.deepEqual([first.playhead.frame, second.playhead.frame], [frame, secondFrame]);
+    assert.equal(latest.phase, frame < playbackFrom ? "explosion" : "playback");
   }
   close([latest.error_rad], [Math.max(...AT_END.errors)], { rtol: 1 / 256 });
   pair.send({ do: "select", module: 4 });
-  assert.deepEqual([one.selected, two.selected], [4, 4]);
+  assert.deepEqual([first.selected, second.selected], [4, 4]);
 });
 
 test("in real time a playhead follows the robot's clock", async () => {
-  const { player, timeline, events } = await shown();
+  const { player, timeline, events } = await playerOf();
   const { from } = timeline.outline.phases[1];
   player.send({ do: "seek", frame: from });
   assert.ok(events.state.pace > 0 && events.state.pace !== 1);
@@ -427,9 +431,9 @@ test("in real time a playhead follows the robot's clock", async () => {
   assert.equal(events.state.pace, 1);
   player.send({ do: "play" });
   draw(1);
-  const before = player.shown.time_s;
+  const before = player.snapshot.time_s;
   draw(3);
-  close([player.shown.time_s - before], [(3 * PICTURE_MS) / 1000], { atol: 1e-6 });
+  close([player.snapshot.time_s - before], [(3 * PICTURE_MS) / 1000], { atol: 1e-6 });
   draw(20000);
   assert.deepEqual([player.is.playing, player.playhead.frame], [false, timeline.last]);
   player.send({ do: "set", speed: 2 });
@@ -437,10 +441,10 @@ test("in real time a playhead follows the robot's clock", async () => {
 });
 
 test("if one fold has no frames, the other one can still be played", async () => {
-  const { player: one, timeline } = await shown();
-  const { player: none } = await shown();
-  none.shown = null;
-  const pair = new Pair([one, none]);
+  const { player: playing, timeline } = await playerOf();
+  const { player: none } = await playerOf();
+  none.snapshot = null;
+  const pair = new Pair([playing, none]);
   pair.begin();
   assert.equal(pair.send({ do: "seek", frame: 1 }), false);
   pair.leave(none);

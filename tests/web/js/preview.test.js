@@ -28,7 +28,7 @@ const FACTS = {
   options: {},
 };
 const opened = (query = "") => new Preview(FACTS, CHOICES, new URLSearchParams(query));
-const report = (more = {}) => ({
+const report = (fields = {}) => ({
   kind: "mesh",
   key: "k",
   name: "brick",
@@ -51,7 +51,7 @@ const report = (more = {}) => ({
   added: [],
   cells: [],
   compilation: null,
-  ...more,
+  ...fields,
 });
 
 test("the address holds changed options, and invalid ones are ignored", () => {
@@ -73,12 +73,12 @@ test("a number of modules stays within its bounds, which are shown when they are
     [preview.options.modules, preview.bound],
     [12_000, "At most 12\u2009000 modules"],
   );
-  for (const [given, count, words] of [
+  for (const [modules, count, words] of [
     [3, 8, "At least 8 modules"],
     [NaN, 8, ""],
     [99.6, 100, ""],
   ]) {
-    preview.change({ modules: given });
+    preview.change({ modules });
     assert.deepEqual([preview.options.modules, preview.bound], [count, words]);
   }
   for (const place of [0, 500, 1000])
@@ -269,7 +269,9 @@ test("the reason why there is no path comes with a remedy", () => {
 
 test("a report says what is lost, and about how many modules are how much like the file", () => {
   assert.deepEqual(
-    [{}, { unused_bodies: [0.42] }, { keeps_parts: false }].map((more) => isLossy(report(more))),
+    [{}, { unused_bodies: [0.42] }, { keeps_parts: false }].map((fields) =>
+      isLossy(report(fields)),
+    ),
     [false, true, true],
   );
   const reach = [

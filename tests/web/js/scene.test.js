@@ -14,7 +14,7 @@ test("the view has the page's light or dark theme from the start", () => {
   scene.frame.contentWindow = { postMessage: ({ scheme }) => posted.push(scheme) };
   document.documentElement.dataset.theme = "dark";
   scene.connect();
-  scene.port.postMessage = ({ do: what, scheme }) => posted.push(what, scheme);
+  scene.port.postMessage = ({ do: action, scheme }) => posted.push(action, scheme);
   delete document.documentElement.dataset.theme;
   page.dispatchEvent(new Event("themechange"));
   scene.port.close();

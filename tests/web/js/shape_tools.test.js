@@ -24,7 +24,7 @@ function painted(cells, { path = [], size = SIZE } = {}) {
   return { size, cells: filled, path: path.map((cell) => key(...cell, size)) };
 }
 const cells = ({ cells: filled, size }) => cellsOf(keysOf(filled), size);
-const some = (size) =>
+const sample = (size) =>
   painted(
     Array.from({ length: 40 }, () => [random(size), random(size), random(size)]),
     { size },
@@ -48,9 +48,9 @@ test("a region is connected by sides within one layer", () => {
 
 test("a box lies between two cells in either order", () => {
   assert.equal(box(key(1, 2, 3), key(1, 2, 3), SIZE).length, 1);
-  const one = box(key(1, 5, 0), key(3, 4, 4), SIZE);
-  assert.equal(new Set(one).size, 3 * 2 * 5);
-  assert.deepEqual(one, box(key(3, 4, 4), key(1, 5, 0), SIZE));
+  const keys = box(key(1, 5, 0), key(3, 4, 4), SIZE);
+  assert.equal(new Set(keys).size, 3 * 2 * 5);
+  assert.deepEqual(keys, box(key(3, 4, 4), key(1, 5, 0), SIZE));
 });
 
 test("a mirrored shape stays in place, and so does its path", () => {
@@ -60,43 +60,43 @@ test("a mirrored shape stays in place, and so does its path", () => {
     [2, 2, 0],
     [2, 2, 1],
   ];
-  const found = mirrored(painted(path, { path }), 0);
-  assert.deepEqual(cellsOf(found.path, SIZE), [
+  const mirrorImage = mirrored(painted(path, { path }), 0);
+  assert.deepEqual(cellsOf(mirrorImage.path, SIZE), [
     [2, 1, 0],
     [1, 1, 0],
     [1, 2, 0],
     [1, 2, 1],
   ]);
-  assert.deepEqual(bounds(found), { low: [1, 1, 0], high: [2, 2, 1] });
-  assert.ok(checked(found).whole);
+  assert.deepEqual(bounds(mirrorImage), { low: [1, 1, 0], high: [2, 2, 1] });
+  assert.ok(checked(mirrorImage).complete);
 });
 
 test("mirroring twice, or moving there and back, changes nothing", () => {
   for (let run = 0; run < 60; run++) {
-    const before = some(SIZES[random(SIZES.length)]);
+    const before = sample(SIZES[random(SIZES.length)]);
     const { low, high } = bounds(before);
     const axis = random(3);
     const mirror = mirrored(before, axis);
     assert.deepEqual(bounds(mirror), { low, high });
     assert.deepEqual(mirrored(mirror, axis), before);
     const by = random(2 * before.size) - before.size;
-    const there = moved(before, axis, by);
-    const step = bounds(there).low[axis] - low[axis];
+    const shifted = moved(before, axis, by);
+    const step = bounds(shifted).low[axis] - low[axis];
     assert.equal(step, Math.min(before.size - 1 - high[axis], Math.max(0 - low[axis], by)));
-    assert.equal(cells(there).length, cells(before).length);
-    assert.deepEqual(moved(there, axis, -step), before);
+    assert.equal(cells(shifted).length, cells(before).length);
+    assert.deepEqual(moved(shifted, axis, -step), before);
   }
 });
 
 test("symmetric painting gives a symmetric shape", () => {
   assert.deepEqual(symmetric([key(0, 3, 0)], SIZE, [1]), [key(0, 3, 0), key(0, 6, 0)]);
   for (let run = 0; run < 20; run++) {
-    const keys = keysOf(some(SIZE).cells);
+    const keys = keysOf(sample(SIZE).cells);
     const axes = [0, 1, 2].filter(() => random(2));
-    const found = symmetric(keys, SIZE, axes);
-    assert.equal(new Set(found).size, found.length);
-    assert.deepEqual(symmetric(found, SIZE, axes).sort(), found.sort());
-    assert.ok(keys.every((k) => found.includes(k)));
+    const keysBySymmetry = symmetric(keys, SIZE, axes);
+    assert.equal(new Set(keysBySymmetry).size, keysBySymmetry.length);
+    assert.deepEqual(symmetric(keysBySymmetry, SIZE, axes).sort(), keysBySymmetry.sort());
+    assert.ok(keys.every((k) => keysBySymmetry.includes(k)));
   }
 });
 
@@ -122,7 +122,7 @@ test("a resized grid has the shape in its middle, or is refused as too small", (
 });
 
 test("cells of a file get the smallest grid that holds them, in their order if they have one", () => {
-  const found = imported(
+  const painting = imported(
     [
       [-5, 100, 7],
       [-5, 101, 7],
@@ -130,7 +130,7 @@ test("cells of a file get the smallest grid that holds them, in their order if t
     ],
     { ordered: true, least: 10 },
   );
-  assert.deepEqual(cellsOf(found.path, 10), [
+  assert.deepEqual(cellsOf(painting.path, 10), [
     [4, 4, 0],
     [4, 5, 0],
     [4, 5, 1],

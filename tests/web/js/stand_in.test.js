@@ -34,7 +34,7 @@ function views({ mock }) {
   const frame = Object.assign(new EventTarget(), { classList: new Classes() });
   const canvas = { classList: new Classes() };
   const drawn = [];
-  const sketch = { draw: (shown) => drawn.push(shown.frame) };
+  const sketch = { draw: (snapshot) => drawn.push(snapshot.frame) };
   const stage = new Stage(frame, {
     open: () => standIn.takeOver(),
     lost: () => standIn.fallBack(),
@@ -57,7 +57,7 @@ function views({ mock }) {
     // Let the view report all pictures that it was asked for.
     paint(ms = 0) {
       pass(ms);
-      for (const id of [...stage.asked.keys()]) stage.hear({ is: "done", id });
+      for (const id of [...stage.requests.keys()]) stage.hear({ is: "done", id });
     },
     // Let the drawing be painted.
     sketched: () => sketch.onDrawn(),
@@ -89,7 +89,7 @@ test("the drawing is visible until the view has painted its first picture", (con
   paint(); // there is no picture yet
   draw(0);
   draw(1);
-  assert.deepEqual([drawn, classes(), opens, stage.asked.size], [[0, 1], "", 0, 1]);
+  assert.deepEqual([drawn, classes(), opens, stage.requests.size], [[0, 1], "", 0, 1]);
   assert.equal(stage.latest[0].frame, 1);
   paint();
   assert.deepEqual([standIn.state.is, classes(), opens], ["viewing", "fading gone", 1]);

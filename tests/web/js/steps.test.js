@@ -35,8 +35,8 @@ test("only the moving part and the joint have a colour", () => {
 test("the extent is 1 at the edge of the free part of the picture", () => {
   const picture = { field: Math.PI / 2, aspect: 2, covered: 0.25 };
   const view = { target: [0, 0, 0], azimuth: 0, elevation: 0, distance: 10 };
-  const near = (z, wanted) =>
-    assert.ok(Math.abs(extent([[0, 0, z]], view, picture) - wanted) < 1e-9);
+  const near = (z, expected) =>
+    assert.ok(Math.abs(extent([[0, 0, z]], view, picture) - expected) < 1e-9);
   near(10, 1); // the upper edge
   near(-5, 1); // the upper edge of what covers the lower quarter
   near(2.5, 0);

@@ -8,7 +8,7 @@ const TICK_S = 1 / 30;
 const EXPLOSION = 500;
 
 // Fold with a number of frames in each phase, and the frames that its page shows over time.
-function told({
+function storyOf({
   explosion = EXPLOSION,
   playback = 0,
   growing = true,
@@ -26,12 +26,12 @@ function told({
     timeline.last = exploded + played - 1;
   };
   let now = 0;
-  const pass = (seconds, each = () => {}) => {
+  const pass = (seconds, onTick = () => {}) => {
     for (let k = 0; k < Math.round(seconds / TICK_S); k++) {
       now += TICK_S;
       story.advance(TICK_S);
       playhead.advance(TICK_S, now);
-      each(k * TICK_S);
+      onTick(k * TICK_S);
     }
     return playhead.frame;
   };
@@ -50,7 +50,7 @@ function told({
 
 for (const frames of [100, EXPLOSION, 4000]) {
   test(`an explosion of ${frames} frames plays in four to six seconds`, () => {
-    const { pass, playhead } = told({ explosion: frames });
+    const { pass, playhead } = storyOf({ explosion: frames });
     assert.ok(pass(4) < frames - 1);
     assert.ok(pass(2.5) > frames - 2, `frame ${playhead.frame}`);
     assert.ok(playhead.is.playing);
@@ -58,12 +58,12 @@ for (const frames of [100, EXPLOSION, 4000]) {
 }
 
 test("an explosion that arrives at once plays without jumps", () => {
-  const { has, pass, playhead } = told({ explosion: 5 });
+  const { has, pass, playhead } = storyOf({ explosion: 5 });
   let before = playhead.frame;
-  let most = 0;
+  let maxStep = 0;
   let moved = false;
   const look = () => {
-    most = Math.max(most, playhead.frame - before);
+    maxStep = Math.max(maxStep, playhead.frame - before);
     moved ||= playhead.frame > 0.5;
     before = playhead.frame;
   };
@@ -73,22 +73,22 @@ test("an explosion that arrives at once plays without jumps", () => {
   pass(2, look);
   has(EXPLOSION, 80);
   pass(6, look);
-  assert.ok(most <= (1.2 * EXPLOSION * TICK_S) / 5, `${most} frames in one picture`);
+  assert.ok(maxStep <= (1.2 * EXPLOSION * TICK_S) / 5, `${maxStep} frames in one picture`);
 });
 
 test("the story waits at the newest frame until there are more", () => {
-  const { has, pass, playhead } = told({ explosion: 40 });
+  const { has, pass, playhead } = storyOf({ explosion: 40 });
   pass(9);
   assert.ok(playhead.frame > 38.9 && playhead.frame <= 39);
-  const there = playhead.frame;
+  const frame = playhead.frame;
   pass(1);
-  assert.equal(playhead.frame, there); // nothing is drawn while it waits
+  assert.equal(playhead.frame, frame); // nothing is drawn while it waits
   has(80, 0);
   assert.ok(pass(1) > 45);
 });
 
 test("after the verdict the fold plays once from straight, then rests", () => {
-  const { timeline, playhead, story, pass, finish } = told({ playback: 200 });
+  const { timeline, playhead, story, pass, finish } = storyOf({ playback: 200 });
   pass(20);
   timeline.growing = false;
   pass(1);
@@ -105,11 +105,11 @@ test("after the verdict the fold plays once from straight, then rests", () => {
 });
 
 test("a verdict during the explosion plays on to the finished shape", () => {
-  const { timeline, playhead, pass, finish } = told({ playback: 200 });
-  const there = pass(2);
+  const { timeline, playhead, pass, finish } = storyOf({ playback: 200 });
+  const frame = pass(2);
   finish();
-  assert.equal(playhead.frame, there);
-  assert.ok(pass(1) > there);
+  assert.equal(playhead.frame, frame);
+  assert.ok(pass(1) > frame);
   pass(15);
   assert.deepEqual([playhead.frame, playhead.is.playing], [timeline.last, false]);
 });
@@ -121,7 +121,7 @@ for (const message of [
   { do: "set", live: true },
 ]) {
   test(`the story does not interrupt a visitor who sends ${message.do}`, () => {
-    const { playhead, story, pass, send, finish } = told({ playback: 200 });
+    const { playhead, story, pass, send, finish } = storyOf({ playback: 200 });
     pass(2);
     send(message);
     const {
@@ -137,7 +137,7 @@ for (const message of [
 }
 
 test("the story goes on if the address has no view", () => {
-  const { story, send } = told();
+  const { story, send } = storyOf();
   send({ do: "select", module: null });
   send({ do: "set", from: null, to: null, loop: false, speed: 1, follow: true });
   assert.ok(story.telling);
@@ -146,7 +146,7 @@ test("the story goes on if the address has no view", () => {
 });
 
 test("the verdict does not reset a view that was turned", () => {
-  const { timeline, playhead, story, pass, finish } = told({ playback: 200 });
+  const { timeline, playhead, story, pass, finish } = storyOf({ playback: 200 });
   story.heard({ do: "orbit", turn: [1, 0] });
   pass(30);
   finish();
@@ -155,7 +155,7 @@ test("the verdict does not reset a view that was turned", () => {
 });
 
 test("a restarted timeline starts over, except for a visitor who went to another frame", () => {
-  const { playhead, story, pass, send } = told();
+  const { playhead, story, pass, send } = storyOf();
   pass(3);
   story.begun();
   assert.deepEqual([playhead.frame, playhead.is.playing], [0, true]);
@@ -166,19 +166,19 @@ test("a restarted timeline starts over, except for a visitor who went to another
 });
 
 test("with reduced motion the story shows the first frame, and the finished shape at the verdict", () => {
-  const { timeline, playhead, pass, finish } = told({ playback: 200, calm: true });
+  const { timeline, playhead, pass, finish } = storyOf({ playback: 200, calm: true });
   assert.deepEqual([pass(5), playhead.is.playing], [0, false]);
   finish();
   assert.deepEqual([pass(1), playhead.is.playing], [timeline.last, false]);
 });
 
 test("a finished fold has no story", () => {
-  const { playhead, story } = told({ playback: 200, growing: false, over: true });
+  const { playhead, story } = storyOf({ playback: 200, growing: false, over: true });
   assert.deepEqual([story.telling, playhead.is.playing], [false, false]);
 });
 
 test("the address says whether the motion plays", () => {
-  const { send, pass, playhead, story } = told();
+  const { send, pass, playhead, story } = storyOf();
   const go = (search) => {
     Object.assign(globalThis, { addEventListener() {}, location: { hash: "", search } });
     new Place({ player: { on() {}, send }, view: () => null, colour() {}, path() {} }, false).go();

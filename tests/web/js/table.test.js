@@ -6,20 +6,20 @@ globalThis.matchMedia = () => ({ matches: false, addEventListener() {} });
 globalThis.document = { documentElement: { dataset: {} } };
 const { Stage, discs } = await import("../../../web/static/js/viewer/stage.js");
 const { tableColours } = await import("../../../web/static/js/viewer/sketch.js");
-const { colouring, colouringsOf, withUnit } =
+const { colouringFor, colouringsOf, withUnit } =
   await import("../../../web/static/js/player/colours.js");
 const { recorded } = await import("./vectors.js");
 
 test("the ground arrives below the chain, wherever it was and if its first step takes no time", () => {
-  const shown = { positions: Float32Array.of(0, 0, -5, 0, 0, -9), framed: 1 };
-  const found = [-1, -20].map((ground) => {
+  const snapshot = { positions: Float32Array.of(0, 0, -5, 0, 0, -9), framed: 1 };
+  const grounds = [-1, -20].map((ground) => {
     const stage = Object.assign(Object.create(Stage.prototype), { ground, pitch: 1 });
-    assert.ok(stage.moveGround(0, shown));
-    while (stage.moveGround(0.05, shown)) assert.ok(stage.ground >= -20 && stage.ground <= -1);
+    assert.ok(stage.moveGround(0, snapshot));
+    while (stage.moveGround(0.05, snapshot)) assert.ok(stage.ground >= -20 && stage.ground <= -1);
     return stage.ground;
   });
-  assert.equal(found[0], found[1]);
-  assert.ok(found[0] < -5.5);
+  assert.equal(grounds[0], grounds[1]);
+  assert.ok(grounds[0] < -5.5);
 });
 
 test("the area of a disc is the force, and modules without force have none", () => {
@@ -58,16 +58,22 @@ test("a fold on a table has other torques than one that floats", async () => {
       pressed: new Float32Array(timeline.chain.modules).fill(1),
     }),
   };
-  const shown = timeline.snapshot(0);
-  assert.equal(colouring("joint_torque", timeline, figures).legend().high, "3.2 w·p, 3.2 mN·m");
-  assert.equal(colouring("pressed", timeline, figures).legend().high, "3.2 × the module’s weight");
+  const snapshot = timeline.snapshot(0);
+  assert.equal(colouringFor("joint_torque", timeline, figures).legend().high, "3.2 w·p, 3.2 mN·m");
+  assert.equal(
+    colouringFor("pressed", timeline, figures).legend().high,
+    "3.2 × the module’s weight",
+  );
   const { unknown } = timeline.bundle.header.colours;
   for (const key of ["joint_torque", "pressed"]) {
-    assert.equal(colouring(key, timeline, figures).of(shown).length, 3 * timeline.chain.modules);
+    assert.equal(
+      colouringFor(key, timeline, figures).of(snapshot).length,
+      3 * timeline.chain.modules,
+    );
     assert.deepEqual(
       [
-        ...colouring(key, timeline, { ...figures, row: () => null })
-          .of(shown)
+        ...colouringFor(key, timeline, { ...figures, row: () => null })
+          .of(snapshot)
           .subarray(0, 3),
       ],
       unknown,

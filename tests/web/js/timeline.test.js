@@ -96,36 +96,36 @@ test("every frame is stored in its place, first some that are spread over the ti
 
 for (const kind of ["timeline", "peeled"]) {
   test(`frames are as recorded, and interpolated between two: ${kind}`, async () => {
-    const given = vectors[kind];
-    const { timeline } = await recorded(given);
+    const recording = vectors[kind];
+    const { timeline } = await recorded(recording);
     assert.equal(timeline.windowed, kind === "peeled");
     timeline.standing.clear(); // otherwise it rotates the poses
-    assert.equal(timeline.last, given.frames.at(-1).frame);
-    for (const { frame, time_s: time, angles, poses, errors } of given.frames) {
-      const shown = timeline.snapshot(frame);
-      assert.ok(shown.exact);
-      assert.equal(shown.time_s, time);
+    assert.equal(timeline.last, recording.frames.at(-1).frame);
+    for (const { frame, time_s: time, angles, poses, errors } of recording.frames) {
+      const snapshot = timeline.snapshot(frame);
+      assert.ok(snapshot.exact);
+      assert.equal(snapshot.time_s, time);
       close(
-        angles.map((_, j) => shown.angle(j)),
+        angles.map((_, j) => snapshot.angle(j)),
         angles,
         { atol: 6e-7 },
       );
       const expected = (await unpack(poses)).arrays;
-      close(shown.positions, expected.positions, { atol: kind === "peeled" ? 3e-5 : 3e-6 }); // roundings add up along a rod
-      closeTurns(shown.wxyzs, expected.wxyzs, 1e-5);
-      const told = timeline.perModule(shown.errors);
+      close(snapshot.positions, expected.positions, { atol: kind === "peeled" ? 3e-5 : 3e-6 }); // roundings add up along a rod
+      closeTurns(snapshot.wxyzs, expected.wxyzs, 1e-5);
+      const perModule = timeline.perModule(snapshot.errors);
       assert.deepEqual(
-        [...told].map(Number.isNaN),
+        [...perModule].map(Number.isNaN),
         errors.map((v) => v === null),
       );
-      const known = errors.flatMap((v, i) => (v === null ? [] : [i]));
+      const finite = errors.flatMap((v, i) => (v === null ? [] : [i]));
       close(
-        known.map((i) => told[i]),
-        known.map((i) => errors[i]),
+        finite.map((i) => perModule[i]),
+        finite.map((i) => errors[i]),
         { atol: 1e-12, rtol: 1 / 256 },
       );
     }
-    const { frame: middle, errors } = given.frames[1];
+    const { frame: middle, errors } = recording.frames[1];
     assert.ok(Math.max(...errors) > 0);
     const [before, between, after] = [middle, middle + 0.25, middle + 1].map((frame) =>
       timeline.snapshot(frame),
@@ -141,10 +141,10 @@ for (const kind of ["timeline", "peeled"]) {
 
 test("hinge speeds follow from the changes of angles", async () => {
   const { timeline } = await recorded();
-  const [one, two] = [timeline.snapshot(120), timeline.snapshot(121)];
+  const [earlier, later] = [timeline.snapshot(120), timeline.snapshot(121)];
   const expected = Array.from(
     { length: timeline.joints },
-    (_, j) => (two.angle(j) - one.angle(j)) / (two.time_s - one.time_s),
+    (_, j) => (later.angle(j) - earlier.angle(j)) / (later.time_s - earlier.time_s),
   );
   assert.ok(Math.max(...expected.map(Math.abs)) > 0.1);
   for (const frame of [120, 120.5]) close(timeline.speeds(frame), expected, { atol: 1e-5 });
@@ -157,10 +157,10 @@ test("hinge speeds follow from the changes of angles", async () => {
 
 test("fetched frames are scrubbed without requests to the server", async () => {
   const { timeline, source } = await recorded();
-  const { asked } = source;
+  const { asked: requests } = source;
   for (const frame of [3, 90, 41, 150, 7, timeline.last]) assert.ok(timeline.snapshot(frame).exact);
   await turnOfEvents();
-  assert.equal(source.asked, asked);
+  assert.equal(source.asked, requests);
 });
 
 test("a refused request is repeated when the service says so", async ({ mock }) => {
@@ -168,20 +168,20 @@ test("a refused request is repeated when the service says so", async ({ mock }) 
   timers.enable({ apis: ["setTimeout"] });
   const source = begunAnew([], "growing");
   const busy = new Source("/folds/one");
-  let asked = 0;
+  let requests = 0;
   mock.method(globalThis, "fetch", async () => {
-    asked++;
+    requests++;
     return new Response("{}", { status: 429, headers: { "Retry-After": "2" } });
   });
   const { batch } = source;
-  source.batch = function wait(how) {
-    return how?.wait ? busy.batch(how) : batch.call(this, how);
+  source.batch = function wait(options) {
+    return options?.wait ? busy.batch(options) : batch.call(this, options);
   };
   const timeline = new Timeline(source, { over: false });
   await pass(timers, 1900);
-  assert.equal(asked, 1);
+  assert.equal(requests, 1);
   await pass(timers, 400);
-  assert.equal(asked, 2);
+  assert.equal(requests, 2);
   timeline.stop();
   assert.ok(timeline.chain && timeline.growing); // existing data stay
 });
@@ -192,16 +192,16 @@ test("the timeline of a running fold asks often for its first frames", async ({
   timers.enable({ apis: ["setTimeout"] });
   const source = begunAnew([], "complete");
   const { batch } = source;
-  const asked = [];
-  source.batch = function first(how) {
-    asked.push(how);
-    return asked.length < 50 ? null : batch.call(this, how);
+  const calls = [];
+  source.batch = function first(options) {
+    calls.push(options);
+    return calls.length < 50 ? null : batch.call(this, options);
   };
   const timeline = new Timeline(source, { over: false });
   await pass(timers, 990);
-  const often = asked.length;
+  const often = calls.length;
   await pass(timers, 2000);
-  assert.ok(often >= 16 && asked.length < 50, `${often}, then ${asked.length} requests`);
+  assert.ok(often >= 16 && calls.length < 50, `${often}, then ${calls.length} requests`);
   await pass(timers, 4500);
   assert.ok(timeline.row(0));
   timeline.stop(); // before the test's clock is gone
@@ -217,10 +217,10 @@ test("the bundle is fetched once, before the first frame", async ({ mock: { time
     bundles++;
     return bundle();
   };
-  source.batch = async (asked) => {
-    const found = await batch.call(source, asked);
-    if (!frames) found.header.total = 0;
-    return found;
+  source.batch = async (options) => {
+    const message = await batch.call(source, options);
+    if (!frames) message.header.total = 0;
+    return message;
   };
   const timeline = new Timeline(source, { over: false });
   await pass(timers, 300);
@@ -265,12 +265,12 @@ for (const [status, requests] of [
   test(`before a ${status} timeline begins, its batches are requested ${requests} times`, async () => {
     const source = begunAnew([], status);
     const timeline = new Timeline(source, { over: false });
-    let asked = 0;
+    let requestsAtStart = 0;
     timeline.on("begun", () => {
-      asked = source.asked;
+      requestsAtStart = source.asked;
       timeline.stop();
     });
     while (!timeline.ended) await turnOfEvents();
-    assert.equal(asked, requests); // frames spread over a timeline that grows would be outdated
+    assert.equal(requestsAtStart, requests); // frames spread over a timeline that grows would be outdated
   });
 }

@@ -72,8 +72,8 @@ test("a visitor who moves the playhead stops the tour", () => {
     is: { playing: false },
     playhead: { frame: 0 },
     mark() {},
-    send({ do: what, frame }) {
-      if (what === "seek") this.playhead.frame = frame;
+    send({ do: action, frame }) {
+      if (action === "seek") this.playhead.frame = frame;
     },
   };
   const called = [];
@@ -81,14 +81,14 @@ test("a visitor who moves the playhead stops the tour", () => {
     calm: false,
     page: { colour() {}, path() {} },
     over: () => called.push("over"),
-    taken: () => called.push("taken"),
+    interrupted: () => called.push("interrupted"),
   });
   flight.show({ caption: "a", frame: 100 }, { playing: true });
   frames.pop()();
   assert.deepEqual(called, []);
   player.playhead.frame = 50;
   frames.pop()();
-  assert.deepEqual([called, frames.length], [["taken"], 0]);
+  assert.deepEqual([called, frames.length], [["interrupted"], 0]);
 });
 
 test("the address names a stop of the tour", () => {
@@ -101,8 +101,8 @@ test("the address names a stop of the tour", () => {
 test("the kiosk accepts seconds in its range, and uses sixty otherwise", () => {
   assert.equal(idleSeconds("?theme=dark"), null);
   assert.deepEqual(
-    ["10", "3600", "9", "3601", "-30", "1e3", "99999", ""].map((asked) =>
-      idleSeconds(`?kiosk=${asked}`),
+    ["10", "3600", "9", "3601", "-30", "1e3", "99999", ""].map((seconds) =>
+      idleSeconds(`?kiosk=${seconds}`),
     ),
     [10, 3600, 60, 60, 60, 60, 60, 60],
   );

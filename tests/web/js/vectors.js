@@ -14,23 +14,23 @@ export const vectors = JSON.parse(readFileSync(path, "utf8"));
 // Decode a message of web/timeline/columns.py from base64.
 export const unpack = (text) => decode(new Uint8Array(Buffer.from(text, "base64")).buffer);
 
-export function close(found, expected, { atol = 1e-6, rtol = 0 } = {}) {
-  assert.equal(found.length, expected.length);
-  for (let k = 0; k < found.length; k++) {
-    const off = Math.abs(found[k] - expected[k]);
+export function close(actual, expected, { atol = 1e-6, rtol = 0 } = {}) {
+  assert.equal(actual.length, expected.length);
+  for (let k = 0; k < actual.length; k++) {
+    const off = Math.abs(actual[k] - expected[k]);
     assert.ok(
       off <= atol + rtol * Math.abs(expected[k]),
-      `got ${found[k]}, expected ${expected[k]} at ${k}`,
+      `got ${actual[k]}, expected ${expected[k]} at ${k}`,
     );
   }
 }
 
 // Compare unit quaternions (4n) as rotations.
-export function closeTurns(found, expected, atol = 1e-6) {
-  assert.equal(found.length, expected.length);
-  for (let k = 0; k < found.length; k += 4) {
-    const same = [0, 1, 2, 3].reduce((sum, c) => sum + found[k + c] * expected[k + c], 0);
-    assert.ok(Math.abs(Math.abs(same) - 1) <= atol, `turn ${k / 4} is another`);
+export function closeTurns(actual, expected, atol = 1e-6) {
+  assert.equal(actual.length, expected.length);
+  for (let k = 0; k < actual.length; k += 4) {
+    const dot = [0, 1, 2, 3].reduce((sum, c) => sum + actual[k + c] * expected[k + c], 0);
+    assert.ok(Math.abs(Math.abs(dot) - 1) <= atol, `turn ${k / 4} is another`);
   }
 }
 
@@ -48,16 +48,16 @@ export const turnOfEvents = () =>
   });
 
 // Complete timeline of these vectors; `asked` counts its requests.
-export async function recorded(given = vectors.timeline) {
+export async function recorded(recording = vectors.timeline) {
   const source = {
     asked: 0,
     bundle() {
       this.asked++;
-      return unpack(given.bundle);
+      return unpack(recording.bundle);
     },
     batch() {
       this.asked++;
-      return unpack(given.batch);
+      return unpack(recording.batch);
     },
   };
   const timeline = new Timeline(source);

@@ -9,14 +9,14 @@ import {
   number,
   radians,
   si,
-  whole,
+  integerText,
 } from "../../../web/static/js/lib/text.js";
 import { degrees } from "../../../web/static/js/panels/module_panel.js";
 import { motorWords } from "../../../web/static/js/panels/motor_words.js";
 import { vectors } from "./vectors.js";
 
 test("figures have two significant digits, and missing ones say so", () => {
-  assert.equal(whole(1234567.4), "1\u2009234\u2009567");
+  assert.equal(integerText(1234567.4), "1\u2009234\u2009567");
   assert.deepEqual([null, 0, 7.1e-6, 0.00123].map(radians), [
     "no data for this frame",
     "0 rad",

@@ -9,7 +9,7 @@
   const root = document.documentElement;
   // An address can set the theme for this visit.
   const addressed = () => /[?#&]theme=(light|dark)\b/.exec(location.search + location.hash)?.[1];
-  let chosen = addressed() ?? recall();
+  let themeChoice = addressed() ?? recall();
 
   function recall() {
     try {
@@ -22,20 +22,24 @@
 
   // Apply the theme; the event `themechange` informs scripts that draw.
   function apply() {
-    if (chosen) root.dataset.theme = chosen;
+    if (themeChoice) root.dataset.theme = themeChoice;
     else delete root.dataset.theme;
     for (const meta of /** @type {NodeListOf<HTMLMetaElement>} */ (
       document.querySelectorAll("meta[name=theme-color]")
     )) {
       const { of } = meta.dataset;
-      meta.media = chosen ? (of === chosen ? "all" : "not all") : `(prefers-color-scheme: ${of})`;
+      meta.media = themeChoice
+        ? of === themeChoice
+          ? "all"
+          : "not all"
+        : `(prefers-color-scheme: ${of})`;
     }
     for (const button of /** @type {NodeListOf<HTMLElement>} */ (
       document.querySelectorAll("[data-theme-switch]")
     )) {
       button.hidden = false;
       const words = button.querySelector("span");
-      if (words) words.textContent = `Theme: ${WORDS[chosen]}`;
+      if (words) words.textContent = `Theme: ${WORDS[themeChoice]}`;
     }
     dispatchEvent(new Event("themechange"));
   }
@@ -43,10 +47,11 @@
   // Cycle through the themes, first to the opposite of the system's,
   // so that every press but the last has a visible effect.
   function change() {
-    const [same, other] = dark.matches ? ["dark", "light"] : ["light", "dark"];
-    chosen = chosen === "" ? other : chosen === other ? same : "";
+    const [systemTheme, oppositeTheme] = dark.matches ? ["dark", "light"] : ["light", "dark"];
+    themeChoice =
+      themeChoice === "" ? oppositeTheme : themeChoice === oppositeTheme ? systemTheme : "";
     try {
-      localStorage.setItem(KEPT, chosen);
+      localStorage.setItem(KEPT, themeChoice);
     } catch {
       /* storage is refused */
     }
@@ -72,14 +77,14 @@
   dark.addEventListener("change", apply);
   addEventListener("hashchange", () => {
     const theme = addressed();
-    if (theme && theme !== chosen) {
-      chosen = theme;
+    if (theme && theme !== themeChoice) {
+      themeChoice = theme;
       apply();
     }
   });
   addEventListener("storage", ({ key }) => {
     if (key === KEPT) {
-      chosen = recall();
+      themeChoice = recall();
       apply();
     }
   }); // changed in another window

@@ -76,18 +76,18 @@ export const norm = (a) => Math.sqrt(dot(a, a));
 
 export class Module {
   /**
-   * @param {Geometry} told
+   * @param {Geometry} geometry
    * @param {number} size
    */
-  constructor(told, size) {
-    this.told = told;
-    this.corners = told.corners.map(
+  constructor(geometry, size) {
+    this.geometry = geometry;
+    this.corners = geometry.corners.map(
       ([x, y, z]) => /** @type {Vector} */ ([x * size, y * size, z * size]),
     );
     this.radius = Math.max(...this.corners.map(norm));
-    this.length = (norm(told.anchor) + norm(told.offset)) * (1 + 1e-12);
-    this.hinges = told.hinges.length;
-    this.exact = told.turns.flat(2).every((v) => v === 0 || Math.abs(v) === 1);
+    this.length = (norm(geometry.anchor) + norm(geometry.offset)) * (1 + 1e-12);
+    this.hinges = geometry.hinges.length;
+    this.exact = geometry.turns.flat(2).every((v) => v === 0 || Math.abs(v) === 1);
   }
 
   /**
@@ -95,7 +95,7 @@ export class Module {
    * length 1, and all other numbers are in their ranges.
    */
   get sound() {
-    const { turns, faces, edges, corners, anchor, offset, limit_rad: limit } = this.told;
+    const { turns, faces, edges, corners, anchor, offset, limit_rad: limit } = this.geometry;
     return (
       turns.every(
         (rows) =>
@@ -115,9 +115,9 @@ export class Module {
    * @type {(x: number, y: number, z: number) => number}
    */
   least(x, y, z) {
-    let found = Infinity;
-    for (const v of this.corners) found = Math.min(found, x * v[0] + y * v[1] + z * v[2]);
-    return found;
+    let lowest = Infinity;
+    for (const v of this.corners) lowest = Math.min(lowest, x * v[0] + y * v[1] + z * v[2]);
+    return lowest;
   }
 
   /**
@@ -126,7 +126,7 @@ export class Module {
    * @type {(P: Float64Array, from: number, to: number, q: Float64Array, at: number) => void}
    */
   next(P, from, to, q, at) {
-    const { anchor, offset, turns } = this.told;
+    const { anchor, offset, turns } = this.geometry;
     for (let x = 0; x < 12; x++) P[to + x] = P[from + x];
     for (let x = to; x < to + 3; x++)
       P[x] += anchor[0] * P[x + 3] + anchor[1] * P[x + 6] + anchor[2] * P[x + 9];
@@ -138,10 +138,10 @@ export class Module {
         const a = P[x],
           b = P[x + 3],
           d = P[x + 6],
-          one = r0[0] * a + r1[0] * b + r2[0] * d,
-          two = r0[1] * a + r1[1] * b + r2[1] * d;
-        P[x] = c * one + s * two;
-        P[x + 3] = c * two - s * one;
+          rotatedX = r0[0] * a + r1[0] * b + r2[0] * d,
+          rotatedY = r0[1] * a + r1[1] * b + r2[1] * d;
+        P[x] = c * rotatedX + s * rotatedY;
+        P[x + 3] = c * rotatedY - s * rotatedX;
         P[x + 6] = r0[2] * a + r1[2] * b + r2[2] * d;
       }
     }

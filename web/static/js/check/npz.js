@@ -98,32 +98,32 @@ export class Archive {
         packed = long(at + 20),
         size = long(at + 24),
         length = short(at + 28),
-        begin = long(at + 42);
+        memberStart = long(at + 42);
       const name = letters(bytes.subarray(at + 46, at + 46 + length)),
-        start = begin + 30 + length,
-        less = long(begin + 18),
-        more = long(begin + 22);
+        start = memberStart + 30 + length,
+        packedSize = long(memberStart + 18),
+        fullSize = long(memberStart + 22);
       const sizes =
-        less === LONG && more === LONG
+        packedSize === LONG && fullSize === LONG
           ? long(start) === 0x100001 &&
             view.getBigUint64(start + 4, true) === BigInt(size) &&
             view.getBigUint64(start + 12, true) === BigInt(packed)
-          : less === packed && more === size;
+          : packedSize === packed && fullSize === size;
       readable(
         view.getUint32(at) === ENTRY &&
-          view.getUint32(begin) === MEMBER &&
-          alike(at + 6, begin + 4, 14) &&
-          short(begin + 26) === length &&
-          alike(at + 46, begin + 30, length) &&
+          view.getUint32(memberStart) === MEMBER &&
+          alike(at + 6, memberStart + 4, 14) &&
+          short(memberStart + 26) === length &&
+          alike(at + 46, memberStart + 30, length) &&
           NAME.test(name) &&
           !this.members.has(name) &&
-          begin === place &&
+          memberStart === place &&
           !(flags & ~FLAGS) &&
           [0, DEFLATED].includes(method) &&
           sizes,
         `the member ${quoted(name)} of the archive is not as usual, or its headers differ`,
       );
-      const from = start + short(begin + 28);
+      const from = start + short(memberStart + 28);
       place = from + packed;
       this.members.set(name, { method, crc, size, packed: bytes.subarray(from, place) });
       at += 46 + length + short(at + 30) + short(at + 32);
@@ -138,36 +138,36 @@ export class Archive {
 
   /** @param {string} name of an array */
   member(name) {
-    const found = this.members.get(`${name}.npy`);
-    readable(found, `the array ${name} is missing`);
-    return found;
+    const member = this.members.get(`${name}.npy`);
+    readable(member, `the array ${name} is missing`);
+    return member;
   }
 
   /**
    * Return a member's first bytes.
    * @param {string} name
-   * @param {number} most
+   * @param {number} maxBytes
    */
-  async unpacked(name, most) {
+  async unpacked(name, maxBytes) {
     const { method, size, packed } = this.member(name),
-      found = new Uint8Array(Math.min(most, size + 1));
-    if (!method) return packed.slice(0, most);
+      bytes = new Uint8Array(Math.min(maxBytes, size + 1));
+    if (!method) return packed.slice(0, maxBytes);
     const reader = new Blob([packed])
       .stream()
       .pipeThrough(new DecompressionStream("deflate-raw"))
       .getReader();
     try {
-      for (let at = 0; at < found.length;) {
+      for (let at = 0; at < bytes.length;) {
         const { done, value } = await reader.read();
-        if (done) return found.slice(0, at);
-        found.set(value.subarray(0, found.length - at), at);
+        if (done) return bytes.slice(0, at);
+        bytes.set(value.subarray(0, bytes.length - at), at);
         at += value.length;
       }
       await reader.cancel();
     } catch {
       throw new Unreadable(`the array ${name} is damaged`);
     }
-    return found;
+    return bytes;
   }
 
   /** Return the header of an array, which has a fair size. @param {string} name @returns {Promise<Header>} */

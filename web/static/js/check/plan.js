@@ -4,7 +4,7 @@ import { Archive, quoted, readable, TYPES, Unreadable } from "./npz.js";
 
 /** @typedef {import("./module.js").Geometry} Geometry */
 /** @typedef {{ modules: [number, number], frame: number, gap: number, fits: number }} Place gap, in widths of a module's cell, and largest size of modules that still fit */
-/** @typedef {{ verdict: string, limits: string, known: boolean, module: string, start: string, end: string }} Said what was proved, and of what; the words are those of foldback_check.py */
+/** @typedef {{ verdict: string, limits: string, standard: boolean, module: string, start: string, end: string }} Said what was proved, and of what; the words are those of foldback_check.py */
 
 const FORMAT = "foldback-claim/1";
 const RULES = ["", "none", "consecutive modules (i, i+1)"]; // of exempt pairs, by `apart`
@@ -54,7 +54,7 @@ function fields(value) {
  * @returns {any}
  */
 function numbers(value, ...lengths) {
-  const [length, ...rest] = lengths;
+  const [length, ...innerLengths] = lengths;
   if (length === undefined) {
     if (!Number.isFinite(value)) throw new Unreadable(`got ${quoted(value)}, expected a number`);
     return value;
@@ -67,27 +67,27 @@ function numbers(value, ...lengths) {
       `got ${quoted(value)}, expected a list of ${Math.abs(length)} parts${length < 0 ? " at most" : ""}`,
     );
   }
-  return value.map((part) => numbers(part, ...rest));
+  return value.map((part) => numbers(part, ...innerLengths));
 }
 
-/** @type {(value: unknown, least: number, most: number) => number} a whole number of a range */
-function whole(value, least, most) {
-  const found = numbers(value);
+/** @type {(value: unknown, min: number, max: number) => number} a whole number of a range */
+function wholeNumber(value, min, max) {
+  const number = numbers(value);
   readable(
-    Number.isInteger(found) && found >= least && found <= most,
-    `got ${quoted(value)}, expected a whole number from ${least} to ${most}`,
+    Number.isInteger(number) && number >= min && number <= max,
+    `got ${quoted(value)}, expected a whole number from ${min} to ${max}`,
   );
-  return found;
+  return number;
 }
 
 /** Return a JSON text's object, in which no name occurs twice. @param {string} text */
 function parsed(text) {
-  const told = JSON.parse(text),
+  const root = JSON.parse(text),
     parts = text.replace(/\\./gs, "").split('"'); // outside of strings, inside, outside, ...
   let names = parts.filter((part, k) => k % 2 === 0 && /^\s*:/.test(part)).length,
     depth = 0;
   for (
-    let level = [told];
+    let level = [root];
     level.length;
     level = level.flatMap((value) =>
       value && typeof value === "object" ? Object.values(value) : [],
@@ -99,12 +99,12 @@ function parsed(text) {
         names -= Object.keys(value).length;
   }
   readable(names === 0, "a name occurs twice in the text of the plan");
-  return fields(told);
+  return fields(root);
 }
 
-/** @type {(told: Record<string, any>) => Geometry} a module's description; lists and texts have a bounded length */
-function geometry(told) {
-  const { hinges } = told;
+/** @type {(description: Record<string, any>) => Geometry} a module's description; lists and texts have a bounded length */
+function geometry(description) {
+  const { hinges } = description;
   readable(
     Array.isArray(hinges) &&
       hinges.length > 0 &&
@@ -113,22 +113,22 @@ function geometry(told) {
     "names of hinges that cannot be",
   );
   return {
-    corners: numbers(told.corners, -MAX_PARTS, 3),
-    faces: numbers(told.faces, -MAX_PARTS, 3),
-    edges: numbers(told.edges, -MAX_PARTS, 3),
-    anchor: numbers(told.anchor, 3),
-    offset: numbers(told.offset, 3),
-    turns: numbers(told.turns, hinges.length + 1, 3, 3),
+    corners: numbers(description.corners, -MAX_PARTS, 3),
+    faces: numbers(description.faces, -MAX_PARTS, 3),
+    edges: numbers(description.edges, -MAX_PARTS, 3),
+    anchor: numbers(description.anchor, 3),
+    offset: numbers(description.offset, 3),
+    turns: numbers(description.turns, hinges.length + 1, 3, 3),
     hinges,
-    rigid_links: whole(told.rigid_links, 0, 1),
-    apart: whole(told.apart, 1, 2),
-    limit_rad: numbers(told.limit_rad),
+    rigid_links: wholeNumber(description.rigid_links, 0, 1),
+    apart: wholeNumber(description.apart, 1, 2),
+    limit_rad: numbers(description.limit_rad),
   };
 }
 
 /** @type {(values: Float64Array) => number} largest absolute value; Infinity if one is not a number */
 const widest = (values) =>
-  values.reduce((most, x) => Math.max(most, Number.isNaN(x) ? Infinity : Math.abs(x)), 0);
+  values.reduce((largest, x) => Math.max(largest, Number.isNaN(x) ? Infinity : Math.abs(x)), 0);
 const degrees = (/** @type {number} */ angle) => `${Number((angle * (180 / Math.PI)).toFixed(4))}°`;
 /** @type {(a: ArrayLike<number>, b: ArrayLike<number>) => boolean} */
 const near = (a, b) =>
@@ -139,11 +139,11 @@ const rise = (values) => values.every((x, k) => Number.isFinite(x) && (!k || x >
 const nearest = (x) => (x - Math.floor(x) === 0.5 ? 2 * Math.round(x / 2) : Math.round(x));
 /** @type {(values: Float64Array) => Int32Array} how many of the values before each are bent */
 const bends = (values) => {
-  const found = new Int32Array(values.length + 1);
+  const counts = new Int32Array(values.length + 1);
   values.forEach((x, k) => {
-    found[k + 1] = found[k] + Number(Math.abs(x) > SLIP);
+    counts[k + 1] = counts[k] + Number(Math.abs(x) > SLIP);
   });
-  return found;
+  return counts;
 };
 
 export class Plan {
@@ -160,7 +160,7 @@ export class Plan {
   values = this.first;
   windowed = false;
   frames = 0;
-  most = 0;
+  maxAngle = 0;
 
   /** Open a plan; `facts` are not checked. @param {Uint8Array<ArrayBuffer>} bytes */
   static async open(bytes) {
@@ -178,45 +178,47 @@ export class Plan {
       require(!wrong, String(wrong?.[0]));
       return plan;
     } catch (error) {
-      const said =
+      const reason =
         error instanceof NotProved || error instanceof Unreadable
           ? error.message
           : quoted(String(error));
-      const found = new NotProved(`The plan cannot be read, or it contradicts itself: ${said}.`);
-      if (!(error instanceof NotProved)) found.verdict = "no plan";
-      throw found;
+      const refusal = new NotProved(
+        `The plan cannot be read, or it contradicts itself: ${reason}.`,
+      );
+      if (!(error instanceof NotProved)) refusal.verdict = "no plan";
+      throw refusal;
     }
   }
 
-  /** @param {Record<string, any>} told the plan's own description */
-  constructor(told) {
-    const said = (this.said = fields(told.certificate));
-    require(said.verified ===
-      true, `the plan says that it is not verified: ${quoted(said.verdict)}`);
-    const chain = fields(told.chain),
-      claim = (this.stated = fields(told.claim));
+  /** @param {Record<string, any>} description the plan's own description */
+  constructor(description) {
+    const certificate = (this.certificate = fields(description.certificate));
+    require(certificate.verified ===
+      true, `the plan says that it is not verified: ${quoted(certificate.verdict)}`);
+    const chain = fields(description.chain),
+      claim = (this.stated = fields(description.claim));
     require(claim.format ===
       FORMAT, `its claim has the format ${quoted(claim.format)}, expected ${FORMAT}; another version of this checker may know it`);
-    this.coded = told.angles;
+    this.coded = description.angles;
     this.kind = chain.module;
-    this.n = whole(chain.modules, 2, MAX_MODULES);
+    this.n = wholeNumber(chain.modules, 2, MAX_MODULES);
     readable(typeof this.kind === "string", `got ${quoted(this.kind)}, expected a kind of module`);
-    this.known = Object.hasOwn(KNOWN, this.kind) ? geometry(KNOWN[this.kind]) : null;
+    this.standard = Object.hasOwn(KNOWN, this.kind) ? geometry(KNOWN[this.kind]) : null;
     const described = geometry(fields(claim.module));
-    this.size = numbers(said.module_size);
-    this.claim = numbers(said.clearance_bound ?? 0);
-    this.step = (numbers(said.max_joint_step_rad ?? 0) || Infinity) + 1e-9;
+    this.size = numbers(certificate.module_size);
+    this.claim = numbers(certificate.clearance_bound ?? 0);
+    this.step = (numbers(certificate.max_joint_step_rad ?? 0) || Infinity) + 1e-9;
     this.module = new Module(described, this.size);
     require(this.module.sound, "a module that cannot be");
-    require(!this.known ||
-      JSON.stringify(described) === JSON.stringify(this.known), `${this.kind}s of another kind`);
+    require(!this.standard ||
+      JSON.stringify(described) === JSON.stringify(this.standard), `${this.kind}s of another kind`);
     this.pad = described.rigid_links * this.module.hinges;
     const hinges = (this.n - 1) * this.module.hinges - this.pad;
     this.folded = Float64Array.from(numbers(chain.folded_rad, hinges));
     this.start =
-      told.start == null
+      description.start == null
         ? new Float64Array(hinges)
-        : Float64Array.from(numbers(fields(told.start).folded_rad, hinges));
+        : Float64Array.from(numbers(fields(description.start).folded_rad, hinges));
   }
 
   /** Read names, times and angles of a file, sizes first. @param {Archive} file */
@@ -224,7 +226,7 @@ export class Plan {
     const {
         n,
         module: {
-          told: { hinges, rigid_links: rigid },
+          geometry: { hinges, rigid_links: rigid },
         },
       } = this,
       J = this.folded.length,
@@ -270,7 +272,7 @@ export class Plan {
     this.values = planes
       ? this.decoded(await file.numbers("angle_planes", 4, count), count)
       : await file.numbers(plain, ...(windowed ? [count] : [frames, J]));
-    this.most = Math.max(widest(this.values), widest(this.folded));
+    this.maxAngle = Math.max(widest(this.values), widest(this.folded));
   }
 
   /**
@@ -304,11 +306,11 @@ export class Plan {
       return values.map((x) => x * STEP);
     }
     const now = new Float64Array(J),
-      rest = folded.map((x) => nearest(x / STEP));
+      foldedSteps = folded.map((x) => nearest(x / STEP));
     first.forEach((a, k) => {
       for (let h = a, at = offsets[k]; h < last[k]; h++, at++)
         values[at] = Math.fround((now[h] += values[at]) * STEP);
-      for (let h = 0; h < J; h++) if (h < a || h >= last[k]) now[h] = h < a ? rest[h] : 0; // value on entering the window
+      for (let h = 0; h < J; h++) if (h < a || h >= last[k]) now[h] = h < a ? foldedSteps[h] : 0; // value on entering the window
     });
     return values;
   }
@@ -316,24 +318,24 @@ export class Plan {
   /** Return the possible defects of a plan, each with true if the plan is free of it. */
   async facts() {
     const {
-      said,
+      certificate,
       n,
       size,
       claim,
       frames,
       pad,
       folded,
-      most,
+      maxAngle,
       times,
       module: {
-        told: { apart, limit_rad: limit },
+        geometry: { apart, limit_rad: limit },
       },
     } = this;
-    const exempt = said.exempt_pairs == null ? null : fields(said.exempt_pairs),
+    const exempt = certificate.exempt_pairs == null ? null : fields(certificate.exempt_pairs),
       digest = this.stated.angles_sha256;
     return {
-      [`a hinge turns by ${degrees(most)}, expected at most ${degrees(limit)}`]:
-        most <= limit + SLIP,
+      [`a hinge turns by ${degrees(maxAngle)}, expected at most ${degrees(limit)}`]:
+        maxAngle <= limit + SLIP,
       "the module size or the clearance is out of range": size > 0 && size <= 1 && claim > 0,
       "the certificate does not cover the same pairs of modules as this check":
         !exempt ||
@@ -341,7 +343,7 @@ export class Plan {
           numbers(exempt.count) === (apart - 1) * (n - 1) &&
           [RULES[apart], null, undefined].includes(exempt.rule)),
       "the number of frames differs from the certificate":
-        said.frames == null || numbers(said.frames) === frames,
+        certificate.frames == null || numbers(certificate.frames) === frames,
       "the times do not increase": rise(times),
       "the first frame is not the start shape": near(this.frame(0).subarray(pad), this.start),
       "the last frame is not the folded shape": near(this.frame(frames - 1).subarray(pad), folded),
@@ -363,7 +365,7 @@ export class Plan {
         first,
         offsets,
         frames,
-        known,
+        standard,
         kind,
         module: { radius },
       } = this,
@@ -378,7 +380,7 @@ export class Plan {
       `${bent[k]} of ${folded.length} hinges are bent, by up to ${(widest(this.frame(k)) * (180 / Math.PI)).toFixed(1)} degrees`;
     const limits = [
       step === 0 || !bent[frames - 1] ? "nothing folds" : "",
-      known ? "" : "only for modules as the plan describes them, not foldback's",
+      standard ? "" : "only for modules as the plan describes them, not foldback's",
       straight < 0 ? "only from another shape, without being straight" : "",
     ]
       .filter(Boolean)
@@ -386,8 +388,8 @@ export class Plan {
     return {
       verdict: limits ? `proved, but ${limits}` : "proved",
       limits,
-      known: Boolean(known),
-      module: known
+      standard: Boolean(standard),
+      module: standard
         ? kind
         : `${quoted(kind)} as the plan describes it, not one of foldback's: its corners are up to ${(100 * radius).toFixed(1)} % of the spacing from its centre`,
       start: bent[0]
@@ -422,9 +424,9 @@ export class Plan {
         last: { [k]: b },
         offsets: { [k]: offset },
       } = this,
-      found = new Float64Array(pad + folded.length);
-    found.set(folded.subarray(0, a), pad);
-    found.set(values.subarray(offset, offset + b - a), pad + a);
-    return found;
+      angles = new Float64Array(pad + folded.length);
+    angles.set(folded.subarray(0, a), pad);
+    angles.set(values.subarray(offset, offset + b - a), pad + a);
+    return angles;
   }
 }

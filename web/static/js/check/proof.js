@@ -63,9 +63,9 @@ export class Proof {
    * @param {number} [size] of modules
    */
   constructor(plan, size = plan.size) {
-    const m = new Module(plan.module.told, size),
+    const m = new Module(plan.module.geometry, size),
       still = new Float64Array(m.hinges),
-      angle = (4 * 2 + 2) * U * plan.most + 8 * U;
+      angle = (4 * 2 + 2) * U * plan.maxAngle + 8 * U;
     const e = m.hinges * Math.SQRT2 * (2 * angle + 3 * U) + (m.exact ? 0 : (m.hinges + 1) * 40 * U);
     const scale = Math.max(...BERNSTEIN.map((row) => row.reduce((sum, x) => sum + Math.abs(x), 0)));
     this.E = scale * (m.length * plan.n + 2 * m.radius) * (plan.n * (2 * e + 48 * U) + 256 * U);
@@ -115,7 +115,7 @@ export class Proof {
     this.k = k;
     this.q = plan.frame(k);
     this.step = plan.frame(after).map((x, s) => x - this.q[s]);
-    this.largest = this.step.reduce((most, x) => Math.max(most, Math.abs(x)), this.largest);
+    this.largest = this.step.reduce((largest, x) => Math.max(largest, Math.abs(x)), this.largest);
     this.c = Math.min(Math.floor((Math.min(first[k], first[after]) + pad) / hinges), n - 2);
     this.end = Math.min(
       Math.max(Math.ceil((Math.max(last[k], last[after]) + pad) / hinges), this.c + 1),
@@ -134,20 +134,20 @@ export class Proof {
   look(t, w, only) {
     this.move(t, w);
     this.frame = this.k + t + w / 2;
-    const left = (only ?? this.near())?.filter(([i, j]) => !this.clear(i, j)) ?? null;
-    if (left?.length === 0) return;
-    const open = left && {
-      modules: left[0],
+    const unproved = (only ?? this.near())?.filter(([i, j]) => !this.clear(i, j)) ?? null;
+    if (unproved?.length === 0) return;
+    const open = unproved && {
+      modules: unproved[0],
       frame: this.frame,
       gap: this.plan.claim,
       fits: this.size,
     };
     if (w <= 2 ** -DEPTH)
       throw new NotProved(
-        `no bound${left ? ` between ${pair(...left[0])}` : ""} at frame ${(this.k + t + 1).toFixed(5)}.`,
+        `no bound${unproved ? ` between ${pair(...unproved[0])}` : ""} at frame ${(this.k + t + 1).toFixed(5)}.`,
         open,
       );
-    for (const begin of [t, t + w / 2]) this.look(begin, w / 2, left);
+    for (const start of [t, t + w / 2]) this.look(start, w / 2, unproved);
   }
 
   /**
@@ -258,20 +258,20 @@ export class Proof {
       module: {
         radius,
         length,
-        told: { apart },
+        geometry: { apart },
       },
       plan: { n, claim, windowed },
     } = this;
-    const found = /** @type {[number, number][]} */ ([]),
+    const pairs = /** @type {[number, number][]} */ ([]),
       reach = 2 * radius + claim + this.E;
     // Boxes of the folded core do not change; those of the straight tail are computed on demand.
     for (let m = windowed ? Math.min(c, folded) : 0; m <= end; m++) this.box(m);
     boxes.fill(NaN, 6 * end + 6);
     this.folded = c;
     for (
-      let i = 0, least = Infinity;
+      let i = 0, slack = Infinity;
       i < n;
-      i += Math.max(Math.floor(least), 1), least = Infinity
+      i += Math.max(Math.floor(slack), 1), slack = Infinity
     ) {
       // Pairs without a turning joint between them do not change. No link is longer than `length`:
       // half of the spare distance is reserved for modules after j, half for those after i.
@@ -286,14 +286,14 @@ export class Proof {
               0,
             ) ** 2;
         const spare = (Math.sqrt(gap) - reach) / length / 2;
-        if (!(spare >= 0)) found.push([i, j]);
-        least = Math.min(least, spare);
+        if (!(spare >= 0)) pairs.push([i, j]);
+        slack = Math.min(slack, spare);
         const leap = Math.max(Math.floor(spare), 1) || 1; // stop at multiples of powers of two, so that many i share the boxes of distant modules
         j += leap - ((j + leap) % powerIn(leap / 2));
       }
-      if (found.length > CROWD * ((k ? end - c : n) + 10)) return null;
+      if (pairs.length > CROWD * ((k ? end - c : n) + 10)) return null;
     }
-    return found;
+    return pairs;
   }
 
   /**
@@ -345,14 +345,14 @@ export class Proof {
         size,
         plan: { claim },
       } = this,
-      own = edges ? m.told.edges : m.told.faces;
+      axes = edges ? m.geometry.edges : m.geometry.faces;
     /** @type {Vector[]} */
     const [y, a, b, c] = [0, 3, 6, 9].map((k) => [
       M[12 * MIDDLE + k],
       M[12 * MIDDLE + k + 1],
       M[12 * MIDDLE + k + 2],
     ]);
-    const other = own.map(
+    const turnedAxes = axes.map(
       ([u, v, w]) =>
         /** @type {Vector} */ ([
           u * a[0] + v * b[0] + w * c[0],
@@ -361,8 +361,8 @@ export class Proof {
         ]),
     );
     for (const axis of edges
-      ? own.flatMap((e) => other.map((f) => cross(e, f)))
-      : [y, ...own, ...other]) {
+      ? axes.flatMap((e) => turnedAxes.map((f) => cross(e, f)))
+      : [y, ...axes, ...turnedAxes]) {
       const far = dot(axis, y),
         l = norm(axis) * (far < 0 ? -1 : 1);
       if (Math.abs(l) <= PARALLEL) continue;
@@ -386,14 +386,14 @@ export class Proof {
       },
     } = this;
     for (let o = 0; o < POSES; o += 3) line[o] = x * M[o] + y * M[o + 1] + z * M[o + 2];
-    let least = Infinity;
+    let lowest = Infinity;
     for (const row of BERNSTEIN) {
       const far = coefficient(row, line, 0),
         u = coefficient(row, line, 3),
         v = coefficient(row, line, 6),
         w = coefficient(row, line, 9);
-      least = Math.min(least, far + m.least(u, v, w));
+      lowest = Math.min(lowest, far + m.least(u, v, w));
     }
-    return least + m.least(-x, -y, -z);
+    return lowest + m.least(-x, -y, -z);
   }
 }

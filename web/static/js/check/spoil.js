@@ -35,7 +35,7 @@ export class Largest {
         if (!place || size <= SHY) throw error;
         this.touch = { ...place, size };
         proof.size = size - SHY;
-        proof.module = new Module(proof.plan.module.told, proof.size);
+        proof.module = new Module(proof.plan.module.geometry, proof.size);
         k--; // once more, with smaller modules
       }
     }
@@ -51,17 +51,19 @@ export class Largest {
 export function turnMore(plan, module) {
   const {
     hinges,
-    told: { rigid_links: rigid },
+    geometry: { rigid_links: rigid },
   } = plan.module;
   const joint = Math.min(Math.max(module, rigid), plan.n - 2);
-  const some = Array.from({ length: hinges }, (_, h) => (joint - rigid) * hinges + h);
-  const slot = some.reduce((a, b) => (Math.abs(plan.folded[b]) > Math.abs(plan.folded[a]) ? b : a));
+  const slots = Array.from({ length: hinges }, (_, h) => (joint - rigid) * hinges + h);
+  const slot = slots.reduce((a, b) =>
+    Math.abs(plan.folded[b]) > Math.abs(plan.folded[a]) ? b : a,
+  );
   for (let k = 1; k < plan.frames - 1; k++) {
     if (slot >= plan.first[k] && slot < plan.last[k])
       plan.values[plan.offsets[k] + slot - plan.first[k]] -=
         Math.sign(plan.folded[slot] || 1) * OFF;
   }
-  plan.most += OFF;
+  plan.maxAngle += OFF;
   plan.step = Infinity;
   return joint;
 }

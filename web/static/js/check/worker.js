@@ -25,7 +25,7 @@ async function check({ href, way, module }) {
   let frames = 0,
     joint = 0,
     claim = 0,
-    told = 0;
+    reportedMs = 0;
   try {
     const answer = await fetch(href);
     if (!answer.ok)
@@ -38,18 +38,18 @@ async function check({ href, way, module }) {
     const largest = way === "size" ? new Largest(plan) : null,
       proof = largest?.proof ?? new Proof(plan);
     for (const frame of (largest ?? proof).run()) {
-      if (performance.now() - told < TELL_MS) continue;
-      told = performance.now();
+      if (performance.now() - reportedMs < TELL_MS) continue;
+      reportedMs = performance.now();
       postMessage({ is: "progress", frame, frames, tightest: proof.tightest });
     }
-    const { tightest, size: found } = proof,
+    const { tightest, size: moduleSize } = proof,
       touch = largest?.touch ?? null,
       seconds = (performance.now() - began) / 1000;
     postMessage({
       is: "proved",
       plan: { frames, modules, size, claim },
       said: plan.words(proof.largest),
-      size: found,
+      size: moduleSize,
       tightest,
       touch,
       joint,

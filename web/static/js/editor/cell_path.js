@@ -1,5 +1,5 @@
 // A path through cells while it is drawn: its next cells and its defects. Paths are immutable lists
-// of keys; planner/chain/path.py checks finished ones in the same way.
+// of keys; planner/chain/path.py checks complete ones in the same way.
 
 const FEWEST = 3;
 
@@ -54,7 +54,7 @@ export function checked({ cells, size, path }) {
     if (!place.has(key)) missing.push(key);
   }
   const difference = Math.abs(count - 2 * odd);
-  const whole = path.length >= FEWEST && !gaps.length && !repeats.length && !missing.length;
+  const complete = path.length >= FEWEST && !gaps.length && !repeats.length && !missing.length;
   return {
     length: path.length,
     cells: count,
@@ -63,7 +63,7 @@ export function checked({ cells, size, path }) {
     missing,
     lost: lost(missing, path, size),
     difference,
-    whole,
+    complete,
   };
 }
 
@@ -75,12 +75,12 @@ export function checked({ cells, size, path }) {
  */
 function lost(missing, path, size) {
   if (!path.length) return [];
-  const left = new Set(missing);
+  const unreached = new Set(missing);
   const todo = [path[0], path[path.length - 1]];
   for (let key = todo.pop(); key !== undefined; key = todo.pop()) {
-    for (const next of neighbours(key, size)) if (left.delete(next)) todo.push(next);
+    for (const next of neighbours(key, size)) if (unreached.delete(next)) todo.push(next);
   }
-  return [...left];
+  return [...unreached];
 }
 
 // Return a sentence or two about the path, with the tone: an error, success, or work in progress.
@@ -88,7 +88,16 @@ function lost(missing, path, size) {
  * @param {PathChecked} found
  * @returns {{ text: string, tone: "" | "good" | "bad" }}
  */
-export function told({ length, cells, gaps, repeats, missing, lost: apart, difference, whole }) {
+export function pathText({
+  length,
+  cells,
+  gaps,
+  repeats,
+  missing,
+  lost: apart,
+  difference,
+  complete,
+}) {
   if (repeats.length) {
     const [first, second] = repeats[0];
     return {
@@ -102,7 +111,7 @@ export function told({ length, cells, gaps, repeats, missing, lost: apart, diffe
       tone: "bad",
     };
   }
-  if (whole) return { text: `The path visits all ${cells} cells.`, tone: "good" };
+  if (complete) return { text: `The path visits all ${cells} cells.`, tone: "good" };
   if (length && !missing.length)
     return { text: `The path has only ${length} cells. It needs at least ${FEWEST}.`, tone: "" };
   const so = length ? `The path visits ${length} of ${cells} cells.` : "No path yet.";
@@ -191,15 +200,15 @@ export function nextCells(drawn, size) {
  * @returns {number[] | null}
  */
 export function through(keys, start, size) {
-  const left = new Set(keys);
+  const unvisited = new Set(keys);
   /** @type {number[]} */
   const path = [];
   const visit = (/** @type {number} */ key) => {
-    left.delete(key);
+    unvisited.delete(key);
     path.push(key);
-    if (!left.size || neighbours(key, size).some((next) => left.has(next) && visit(next)))
+    if (!unvisited.size || neighbours(key, size).some((next) => unvisited.has(next) && visit(next)))
       return true;
-    left.add(key);
+    unvisited.add(key);
     path.pop();
     return false;
   };

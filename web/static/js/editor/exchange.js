@@ -60,25 +60,26 @@ export async function read(source, cells) {
  * @returns {Promise<DrawnPath | null>}
  */
 export async function completed({ cells, size }, { path, atStart }) {
-  const left = cells.slice();
-  for (const key of path) left[key] = 0;
-  const rest = keysOf(left);
-  if (!rest.length || parts(left, size).length > 1) return null;
+  const unvisited = cells.slice();
+  for (const key of path) unvisited[key] = 0;
+  const remainingKeys = keysOf(unvisited);
+  if (!remainingKeys.length || parts(unvisited, size).length > 1) return null;
   const head = path.at(atStart ? 0 : -1);
-  const joined = (/** @type {number[]} */ more) => ({
-    path: atStart ? [...more.reverse(), ...path] : [...path, ...more],
+  const joined = (/** @type {number[]} */ addition) => ({
+    path: atStart ? [...addition.reverse(), ...path] : [...path, ...addition],
     atStart,
   });
-  const starts = head === undefined ? [null] : neighbours(head, size).filter((key) => left[key]);
-  if (rest.length <= FEW) {
-    for (const start of starts[0] === null ? rest : starts) {
-      const more = through(rest, Number(start), size);
-      if (more) return joined(more);
+  const starts =
+    head === undefined ? [null] : neighbours(head, size).filter((key) => unvisited[key]);
+  if (remainingKeys.length <= FEW) {
+    for (const start of starts[0] === null ? remainingKeys : starts) {
+      const addition = through(remainingKeys, Number(start), size);
+      if (addition) return joined(addition);
     }
     return null;
   }
   /** @type {{ file: File } | { preview: string }} */
-  let source = { file: voxelFile("The rest", { cells: left, size, path: [] }) };
+  let source = { file: voxelFile("The rest", { cells: unvisited, size, path: [] }) };
   for (const start of starts) {
     const wish = start === null ? null : cellOf(start, size).join(",");
     const answer = await report({ ...source, start: wish });

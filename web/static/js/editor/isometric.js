@@ -150,9 +150,12 @@ export function draw(picture, { cells, size }, layer, drawn) {
   const faces = storeys.map((storey) =>
     [...storey].map(([look, texts]) => {
       const [side, step] = look.split(" ");
-      const own = /\d/.test(step);
-      const part = svg("path", { class: own ? "face" : `face ${side} ${step}`, d: texts.join("") });
-      if (own) part.setAttribute("fill", colour(Number(step), side));
+      const coloured = /\d/.test(step);
+      const part = svg("path", {
+        class: coloured ? "face" : `face ${side} ${step}`,
+        d: texts.join(""),
+      });
+      if (coloured) part.setAttribute("fill", colour(Number(step), side));
       return part;
     }),
   );

@@ -45,7 +45,7 @@ export function keysOf(cells) {
  * @param {Painted} a
  * @param {Painted} b
  */
-function same(a, b) {
+function isSame(a, b) {
   return (
     a.size === b.size &&
     a.cells.every((filled, key) => filled === b.cells[key]) &&
@@ -140,7 +140,7 @@ export class Painting {
   end() {
     const before = this.before;
     this.before = null;
-    if (!before || same(before, this.state)) return false;
+    if (!before || isSame(before, this.state)) return false;
     this.done.push(before);
     if (this.done.length > MOST_STEPS) this.done.shift();
     this.undone = [];
@@ -204,38 +204,38 @@ export function unpacked(data) {
 export class Draft {
   constructor() {
     /** @type {"no" | "yes" | "path"} */
-    this.how = "no";
+    this.conversion = "no";
     /** @type {"paint" | "fill" | "box" | "move" | "path"} */
     this.tool = "paint";
     this.name = "";
-    this.given = ""; // name from a letter or a file
+    this.givenName = ""; // name from a letter or a file
     try {
-      const { how, tool, name, given } = JSON.parse(stored(STORED_DRAFT) ?? "{}");
-      if (CHOICES.includes(how)) this.how = how;
+      const { conversion, tool, name, givenName } = JSON.parse(stored(STORED_DRAFT) ?? "{}");
+      if (CHOICES.includes(conversion)) this.conversion = conversion;
       if (TOOLS.includes(tool)) this.tool = tool;
       if (typeof name === "string") this.name = name.slice(0, LONGEST_NAME);
-      if (typeof given === "string") this.given = given;
+      if (typeof givenName === "string") this.givenName = givenName;
     } catch {
       /* the stored value is not a draft */
     }
   }
 
-  /** @param {{ how?: Draft["how"], tool?: Draft["tool"], name?: string, given?: string }} changed */
+  /** @param {{ conversion?: Draft["conversion"], tool?: Draft["tool"], name?: string, givenName?: string }} changed */
   note(changed) {
     Object.assign(this, changed);
-    const { how, tool, name, given } = this;
-    store(STORED_DRAFT, JSON.stringify({ how, tool, name, given }));
+    const { conversion, tool, name, givenName } = this;
+    store(STORED_DRAFT, JSON.stringify({ conversion, tool, name, givenName }));
   }
 
   // Set the name from a letter or a file.
   /** @param {string} name */
   give(name) {
-    this.note({ name: name.slice(0, LONGEST_NAME), given: name.slice(0, LONGEST_NAME) });
+    this.note({ name: name.slice(0, LONGEST_NAME), givenName: name.slice(0, LONGEST_NAME) });
   }
 
   // Reset the name after clearing, unless the visitor typed it.
   clear() {
-    if (this.name === this.given) this.note({ name: "", given: "" });
+    if (this.name === this.givenName) this.note({ name: "", givenName: "" });
   }
 }
 
@@ -245,17 +245,17 @@ export class Draft {
  * @param {number} size
  */
 export function parts(cells, size) {
-  const left = cells.slice();
+  const unassigned = cells.slice();
   /** @type {number[][]} */
   const pieces = [];
-  for (let start = 0; start < left.length; start++) {
-    if (!left[start]) continue;
+  for (let start = 0; start < unassigned.length; start++) {
+    if (!unassigned[start]) continue;
     const piece = [start];
-    left[start] = 0;
+    unassigned[start] = 0;
     for (const key of piece) {
       for (const next of neighbours(key, size))
-        if (left[next]) {
-          left[next] = 0;
+        if (unassigned[next]) {
+          unassigned[next] = 0;
           piece.push(next);
         }
     }

@@ -13,8 +13,8 @@ const LETTER_GAP = 1; // cells between two letters
  * @param {number} start
  */
 export function region({ cells, size }, start) {
-  const seen = new Set([start]);
-  for (const key of seen) {
+  const keys = new Set([start]);
+  for (const key of keys) {
     const [x, y, z] = cellOf(key, size);
     for (const [i, j] of [
       [x + 1, y],
@@ -24,20 +24,20 @@ export function region({ cells, size }, start) {
     ]) {
       if (Math.min(i, j) < 0 || Math.max(i, j) >= size) continue;
       const next = keyOf(i, j, z, size);
-      if (cells[next] === cells[start]) seen.add(next);
+      if (cells[next] === cells[start]) keys.add(next);
     }
   }
-  return [...seen];
+  return [...keys];
 }
 
 // Return all cells of the box between two corner cells.
 /**
  * @param {number} corner
- * @param {number} other
+ * @param {number} opposite
  * @param {number} size
  */
-export function box(corner, other, size) {
-  const [a, b] = [cellOf(corner, size), cellOf(other, size)];
+export function box(corner, opposite, size) {
+  const [a, b] = [cellOf(corner, size), cellOf(opposite, size)];
   const [low, high] = [a.map((v, k) => Math.min(v, b[k])), a.map((v, k) => Math.max(v, b[k]))];
   const keys = [];
   for (let z = low[2]; z <= high[2]; z++) {
@@ -130,27 +130,27 @@ export function resized(painted, size) {
  */
 export function withLetter(painted, letter) {
   const within = bounds(painted);
-  const taken = within ? within.high[1] - within.low[1] + 1 + LETTER_GAP : 0;
-  const size = SIZES.find((side) => side >= painted.size && side >= taken + LETTER_CELLS);
+  const columns = within ? within.high[1] - within.low[1] + 1 + LETTER_GAP : 0;
+  const size = SIZES.find((side) => side >= painted.size && side >= columns + LETTER_CELLS);
   const grid = size && resized(painted, size);
   if (!size || !grid) return null;
   const margin = (/** @type {number} */ width) => Math.floor((size - width) / 2);
   const { cells, path } = moved(
     grid,
     1,
-    margin(taken + LETTER_CELLS) - (bounds(grid)?.low[1] ?? 0),
+    margin(columns + LETTER_CELLS) - (bounds(grid)?.low[1] ?? 0),
   );
   const low = bounds({ size, cells, path })?.low ?? [margin(LETTER_CELLS), 0, 0];
   const [top, layer] = [Math.min(low[0], size - LETTER_CELLS), low[2]];
-  const left = margin(taken + LETTER_CELLS) + taken;
-  const written = letter.map(([x, y]) => keyOf(top + x, left + y, layer, size));
+  const column = margin(columns + LETTER_CELLS) + columns;
+  const written = letter.map(([x, y]) => keyOf(top + x, column + y, layer, size));
   const gaps = [...Array(LETTER_CELLS).keys()]
     .map((x) => {
       const start = keyOf(top + x, 0, layer, size);
-      const row = [...cells.subarray(start, start + left)];
+      const row = [...cells.subarray(start, start + column)];
       const [before, after] = [
         row.lastIndexOf(1),
-        Math.min(...letter.filter(([i]) => i === x).map(([, y]) => left + y)),
+        Math.min(...letter.filter(([i]) => i === x).map(([, y]) => column + y)),
       ];
       return before < 0
         ? []
@@ -173,7 +173,7 @@ export function withLetter(painted, letter) {
  * @param {{ ordered: boolean, least: number }} how
  * @returns {Painted}
  */
-export function imported(cells, { ordered, least }) {
+export function imported(cells, { ordered, least: minSize }) {
   const within = extremes(cells);
   if (!within) throw new Error("The shape has no cells.");
   const { low, high } = within;
@@ -183,7 +183,7 @@ export function imported(cells, { ordered, least }) {
     throw new Error(
       `The shape measures ${extents.join("×")} cells, but the largest grid is ${LARGEST}×${LARGEST}×${LARGEST} cells. Use a smaller shape, or a shape with fewer and larger cells.`,
     );
-  const size = Math.max(fits, least);
+  const size = Math.max(fits, minSize);
   const margin = extents.map((extent, axis) => (axis === 2 ? 0 : Math.floor((size - extent) / 2)));
   const keys = cells.map((cell) => {
     const [x, y, z] = cell.map((v, axis) => v - low[axis] + margin[axis]);

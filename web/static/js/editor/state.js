@@ -1,7 +1,7 @@
 // State of the editor, without the page: the draft, the tool
 // and its pointer actions, and the shape that would be folded.
-import { whole } from "../lib/text.js";
-import { checked, cut, extended, headOf, told, touch } from "./cell_path.js";
+import { integerText } from "../lib/text.js";
+import { checked, cut, extended, headOf, pathText, touch } from "./cell_path.js";
 import { Draft, Painting, cellOf, keyOf, keysOf, parts } from "./painting.js";
 import {
   bounds,
@@ -28,7 +28,7 @@ const LETTERS = /^(?:Letter )?([A-Z]+)$/; // name of a shape that consists of le
  * @property {string} text description, including defects
  * @property {"" | "good" | "bad"} tone
  * @property {string} limit text about the limit, unless it is in the description
- * @property {boolean} whole whether a drawn path visits all cells
+ * @property {boolean} complete whether a drawn path visits all cells
  * @property {boolean} completable whether the rest of a path can be searched
  * @property {boolean} ready whether it can be folded
  */
@@ -64,7 +64,7 @@ export class Editor {
 
   // The path, if it is displayed.
   get shownPath() {
-    return this.tool === "path" || this.draft.how === "path" ? this.drawn : null;
+    return this.tool === "path" || this.draft.conversion === "path" ? this.drawn : null;
   }
 
   get name() {
@@ -80,20 +80,20 @@ export class Editor {
   get standing() {
     const {
       painting,
-      draft: { how },
+      draft: { conversion },
       maxModules,
     } = this;
     const cells = painting.filled;
-    const path = how === "path" ? checked(painting.state) : null;
-    const modules = cells * MODULES_PER_CELL[how];
+    const path = conversion === "path" ? checked(painting.state) : null;
+    const modules = cells * MODULES_PER_CELL[conversion];
     const pieces = path ? 1 : parts(painting.cells, painting.size).length;
     const large = modules > maxModules;
-    const few = !path && modules > 0 && modules < MIN_MODULES;
+    const tooFew = !path && modules > 0 && modules < MIN_MODULES;
     const words =
       path && cells
-        ? told(path)
+        ? pathText(path)
         : {
-            text: `${whole(modules)} modules${few ? `. A fold needs at least ${MIN_MODULES}.` : ""}`,
+            text: `${integerText(modules)} modules${tooFew ? `. A fold needs at least ${MIN_MODULES}.` : ""}`,
             tone: /** @type {const} */ (""),
           };
     if (pieces > 1)
@@ -103,21 +103,21 @@ export class Editor {
       });
     if (large)
       Object.assign(words, {
-        text: `The shape needs ${whole(modules)} modules, but the limit is ${whole(maxModules)}. Paint fewer cells.`,
+        text: `The shape needs ${integerText(modules)} modules, but the limit is ${integerText(maxModules)}. Paint fewer cells.`,
         tone: "bad",
       });
-    const visited = Boolean(path?.whole);
+    const visited = Boolean(path?.complete);
     return {
       cells,
       tone: words.tone,
       text: cells ? words.text : "",
-      whole: visited,
+      complete: visited,
       limit:
         large || !cells
           ? ""
-          : `${path ? `${whole(modules)} modules. ` : ""}Limit: ${whole(maxModules)} modules.`,
+          : `${path ? `${integerText(modules)} modules. ` : ""}Limit: ${integerText(maxModules)} modules.`,
       completable: cells > 0 && !visited && !large,
-      ready: cells > 0 && !large && (path ? visited : pieces === 1 && !few),
+      ready: cells > 0 && !large && (path ? visited : pieces === 1 && !tooFew),
     };
   }
 
@@ -131,14 +131,15 @@ export class Editor {
   take(tool) {
     this.corner = null;
     this.refused = "";
-    this.draft.note({ tool, ...(tool === "path" && { how: "path" }) });
+    this.draft.note({ tool, ...(tool === "path" && { conversion: "path" }) });
   }
 
   // Choose the conversion of cells to modules. An own path is drawn with its tool.
-  /** @param {Draft["how"]} how */
-  choose(how) {
-    this.draft.note({ how });
-    if ((how === "path") !== (this.tool === "path")) this.take(how === "path" ? "path" : "paint");
+  /** @param {Draft["conversion"]} conversion */
+  choose(conversion) {
+    this.draft.note({ conversion });
+    if ((conversion === "path") !== (this.tool === "path"))
+      this.take(conversion === "path" ? "path" : "paint");
   }
 
   /** @param {number} key */
@@ -298,14 +299,14 @@ export class Editor {
   write(letter, cells) {
     const {
       painting,
-      draft: { name, given },
+      draft: { name, givenName },
     } = this;
     const written = withLetter(painting.state, cells);
     if (!written) {
       this.refused = "There is no room for another letter, even in the largest grid.";
       return;
     }
-    const word = LETTERS.exec(name === given ? given : "")?.[1];
+    const word = LETTERS.exec(name === givenName ? givenName : "")?.[1];
     if (!painting.filled) this.draft.give(`Letter ${letter}`);
     else if (word) this.draft.give(word + letter);
     this.step(() => painting.become(written));
@@ -325,9 +326,10 @@ export class Editor {
     this.layer = 0;
     if (
       !ordered &&
-      (this.draft.how === "path" || MODULES_PER_CELL.no * this.painting.filled > this.maxModules)
+      (this.draft.conversion === "path" ||
+        MODULES_PER_CELL.no * this.painting.filled > this.maxModules)
     )
-      this.draft.note({ how: "yes" });
+      this.draft.note({ conversion: "yes" });
   }
 
   /** @param {number} size */

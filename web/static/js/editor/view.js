@@ -35,7 +35,7 @@ export function say(id, text, tone = "") {
  */
 export function showControls(
   { painting, layer, tool, draft, refused, sending },
-  { cells, text, tone, limit, whole, completable, ready },
+  { cells, text, tone, limit, complete, completable, ready },
 ) {
   get("layer").textContent = `Layer ${layer + 1}`;
   const [bottom, pathless, idle] = [layer === 0, !painting.path.length, !ready || sending];
@@ -61,10 +61,10 @@ export function showControls(
   for (const part of all("[data-for]")) part.hidden = !part.dataset.for?.split(" ").includes(tool);
   get("size").value = String(painting.size);
   get("name").value = draft.name;
-  for (const input of exact) input.checked = input.value === draft.how;
+  for (const input of exact) input.checked = input.value === draft.conversion;
   get("empty").hidden = cells > 0;
   get("most").textContent = limit;
-  get("save-path").hidden = !whole;
+  get("save-path").hidden = !complete;
   say("count", text, tone);
   say("message", refused);
 }
@@ -177,14 +177,14 @@ export class Sheet {
     let ups = "";
     path.forEach((key, index) => {
       const [x, y, z] = cellOf(key, this.size);
-      for (const other of [path[index - 1], path[index + 1]]) {
-        if (other === undefined || z !== this.layer) continue;
-        const [i, j, k] = cellOf(other, this.size);
-        const joined = touch(key, other, this.size);
+      for (const adjacent of [path[index - 1], path[index + 1]]) {
+        if (adjacent === undefined || z !== this.layer) continue;
+        const [i, j, k] = cellOf(adjacent, this.size);
+        const joined = touch(key, adjacent, this.size);
         if (joined && k !== z) {
           ups +=
             k > z ? `M${y + 0.5} ${x + 0.08}l.15 .2h-.3z` : `M${y + 0.5} ${x + 0.92}l.15 -.2h-.3z`;
-        } else if (k === z && other === path[index + 1]) {
+        } else if (k === z && adjacent === path[index + 1]) {
           const text = `M${y + 0.5} ${x + 0.5}L${j + 0.5} ${i + 0.5}`;
           if (joined) way += text;
           else gaps += text;

@@ -114,9 +114,9 @@ export async function askUntil(path, pauseMs, over, signal) {
   let wake = () => {};
   const pause = () =>
     /** @type {Promise<void>} */ (
-      new Promise((again) => {
-        wake = again;
-        setTimeout(again, pauseMs);
+      new Promise((resolve) => {
+        wake = resolve;
+        setTimeout(resolve, pauseMs);
       })
     );
   signal?.addEventListener("abort", () => wake());
@@ -183,13 +183,14 @@ export function broughtKeys() {
   }
 }
 
-const broughtExcept = (/** @type {string} */ key) => broughtKeys().filter((other) => other !== key);
+const broughtExcept = (/** @type {string} */ key) =>
+  broughtKeys().filter((broughtKey) => broughtKey !== key);
 const storeBrought = (/** @type {string[]} */ keys) => store(BROUGHT, JSON.stringify(keys));
 
 // Return all keys, the own key first, without creating one.
 export function keysHere() {
-  const own = stored(OWN);
-  return [...new Set([...(own ? [own] : []), ...broughtKeys()])];
+  const previousKey = stored(OWN);
+  return [...new Set([...(previousKey ? [previousKey] : []), ...broughtKeys()])];
 }
 
 /** @param {string} key */
@@ -198,8 +199,11 @@ export const bring = (key) => storeBrought([...broughtExcept(key), key]);
 // Use an added key as the own one; keep the previous own key as an added one.
 /** @param {string} key */
 export function useKey(key) {
-  const own = stored(OWN);
-  storeBrought([...(own && own !== key ? [own] : []), ...broughtExcept(key)]);
+  const previousKey = stored(OWN);
+  storeBrought([
+    ...(previousKey && previousKey !== key ? [previousKey] : []),
+    ...broughtExcept(key),
+  ]);
   store(OWN, key);
 }
 

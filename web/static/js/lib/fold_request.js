@@ -6,13 +6,16 @@ import { upload } from "./upload.js";
 // Request a fold with a form or plain fields, and store its owner token.
 /**
  * @param {FormData | Form} body
- * @param {import("./upload.js").Sending} how
+ * @param {import("./upload.js").Sending} options
  * @returns {Promise<{ id: string }>}
  */
-export async function requestFold(body, how = {}) {
+export async function requestFold(body, options = {}) {
   const form = body instanceof FormData ? body : formOf(body);
   /** @type {Api.Accepted} */
-  const { id, owner_token: token } = await upload("/api/folds", form, { ...how, token: ownKey() });
+  const { id, owner_token: token } = await upload("/api/folds", form, {
+    ...options,
+    token: ownKey(),
+  });
   if (token) keepToken(id, token); // an existing fold of another visitor has none
   return { id };
 }

@@ -14,7 +14,7 @@ export class FoldList {
     /** @type {{ key: string, address: string | null, folds: Api.Fold[], total: number }[]} */
     this.ways = keys.map((key) => ({ key, address: FOLDS, folds: [], total: 0 }));
     /** @type {{ fold: Api.Fold, key: string }[]} */
-    this.found = []; // loaded but not returned yet, so that a failed request loses none
+    this.loaded = []; // loaded but not returned yet, so that a failed request loses none
   }
 
   // Total number of folds, known after the first request.
@@ -31,7 +31,7 @@ export class FoldList {
    * @returns {Promise<{ fold: Api.Fold, key: string }[]>}
    */
   async more(count) {
-    while (this.found.length < count && !this.done) {
+    while (this.loaded.length < count && !this.done) {
       await Promise.all(
         this.ways.filter(({ folds }) => !folds.length).map((way) => this.fill(way)),
       );
@@ -39,9 +39,9 @@ export class FoldList {
         .filter(({ folds }) => folds.length)
         .sort((a, b) => Date.parse(b.folds[0].created_at) - Date.parse(a.folds[0].created_at))[0];
       const fold = newest?.folds.shift();
-      if (fold) this.found.push({ fold, key: newest.key });
+      if (fold) this.loaded.push({ fold, key: newest.key });
     }
-    return this.found.splice(0);
+    return this.loaded.splice(0);
   }
 
   // Count one fold less for a key.

@@ -13,9 +13,9 @@ export const round = (/** @type {number} */ value) => Number(value.toPrecision(D
  * @param {number} low
  * @param {number} high
  * @param {boolean} log
- * @param {number} most approximate maximum number of ticks
+ * @param {number} maxTicks approximate maximum number of ticks
  */
-export function ticks(low, high, log, most = MAX_TICKS) {
+export function ticks(low, high, log, maxTicks = MAX_TICKS) {
   if (log) {
     const [first, last] = [low, high].map((value) => Math.floor(Math.log10(value)));
     const decades = Array.from({ length: last - first + 1 }, (_, k) =>
@@ -23,9 +23,9 @@ export function ticks(low, high, log, most = MAX_TICKS) {
     );
     const inside = decades.flat().filter((value) => value >= low && value <= high);
     const tens = inside.filter((value) => Number.isInteger(round(Math.log10(value))));
-    return inside.length > most && tens.length > 1 ? tens : inside;
+    return inside.length > maxTicks && tens.length > 1 ? tens : inside;
   }
-  const rough = (high - low) / most;
+  const rough = (high - low) / maxTicks;
   const power = 10 ** Math.floor(Math.log10(rough));
   const step = [1, 2, 5, 10].map((digit) => digit * power).find((wide) => wide >= rough) ?? rough;
   const first = Math.ceil(low / step);

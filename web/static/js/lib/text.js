@@ -9,7 +9,8 @@ export const STAGES = {
 };
 
 /** @param {number} value */
-export const whole = (value) => Math.round(value).toLocaleString("en").replaceAll(",", "\u2009");
+export const integerText = (value) =>
+  Math.round(value).toLocaleString("en").replaceAll(",", "\u2009");
 
 // A share as a whole percentage, as in words/likeness.py: one above 0 is never 0 %, one below 1 never 100 %.
 /** @param {number} share */
@@ -94,8 +95,10 @@ export function duration(value) {
  */
 export function wholeTime(value, compilation) {
   if (!compilation) return duration(value);
-  const left = compilation.remaining_s;
-  return left === null ? null : duration(COARSE_S * Math.ceil((value + left) / COARSE_S));
+  const remainingS = compilation.remaining_s;
+  return remainingS === null
+    ? null
+    : duration(COARSE_S * Math.ceil((value + remainingS) / COARSE_S));
 }
 
 /** @param {number} value */

@@ -20,7 +20,7 @@ export class Follower {
     this.code = code;
     this.player = player;
     this.page = place.page;
-    this.own = false; // true while a command of the leader is executed
+    this.executing = false; // true while a command of the leader is executed
     this.ready = false;
     this.follows = true;
     this.tries = 0;
@@ -30,17 +30,17 @@ export class Follower {
     this.latest = null;
     this.words = openPanel();
     this.words.textContent = "Connecting to the class";
-    this.back = get("class-back");
-    this.back.onclick = () => this.return();
+    this.backButton = get("class-back");
+    this.backButton.onclick = () => this.return();
     player.on("asked", () => {
-      if (this.ready && !this.own && this.follows) this.leave();
+      if (this.ready && !this.executing && this.follows) this.leave();
     });
-    const begin = () => {
+    const start = () => {
       this.ready = true;
       this.show();
     };
-    if (player.shown) begin();
-    else player.on("begun", () => queueMicrotask(begin));
+    if (player.snapshot) start();
+    else player.on("begun", () => queueMicrotask(start));
     this.connect();
   }
 
@@ -60,7 +60,7 @@ export class Follower {
     socket.onclose = ({ reason }) => {
       if (reason === "over" || ++this.tries > MAX_TRIES) {
         this.words.textContent = reason === "over" ? ENDED : LOST;
-        this.back.hidden = true;
+        this.backButton.hidden = true;
         this.follows = false;
         return;
       }
@@ -72,23 +72,23 @@ export class Follower {
   leave() {
     this.follows = false;
     this.glide++;
-    this.back.hidden = false;
+    this.backButton.hidden = false;
     this.words.textContent = "You are not following the leader";
   }
 
   return() {
     this.follows = true;
     this.looked = "";
-    this.back.hidden = true;
+    this.backButton.hidden = true;
     this.words.textContent = "You are following the leader";
     this.show();
   }
 
   /** @param {Command} command */
   send(command) {
-    this.own = true;
+    this.executing = true;
     this.player.send(command);
-    this.own = false;
+    this.executing = false;
   }
 
   show() {
@@ -114,10 +114,10 @@ export class Follower {
    */
   go(to, evenly) {
     const glide = ++this.glide;
-    const [from, begun] = [this.player.playhead.frame, performance.now()];
+    const [from, startMs] = [this.player.playhead.frame, performance.now()];
     const step = () => {
       if (glide !== this.glide) return;
-      const share = !evenly ? 1 : Math.min(1, (performance.now() - begun) / GLIDE_MS);
+      const share = !evenly ? 1 : Math.min(1, (performance.now() - startMs) / GLIDE_MS);
       this.send({ do: "seek", frame: frameBetween(from, to, share) });
       if (share < 1) requestAnimationFrame(step);
     };

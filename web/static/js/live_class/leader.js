@@ -37,7 +37,7 @@ export function lead(id, place) {
   leading = true;
   /** @type {WebSocket | null} */
   let socket = null;
-  let back = ""; // query with which the leader reconnects
+  let reconnectQuery = ""; // query with which the leader reconnects
   let tries = 0;
   let ended = false;
   /** @type {ReturnType<typeof setInterval> | undefined} */
@@ -52,11 +52,11 @@ export function lead(id, place) {
   };
   const connect = () => {
     if (ended) return;
-    socket = new WebSocket(socketAt(`/api/class/lead?fold=${id}${back}`));
+    socket = new WebSocket(socketAt(`/api/class/lead?fold=${id}${reconnectQuery}`));
     socket.onmessage = ({ data }) => {
       const { link, picture, back: words, followers = 0 } = JSON.parse(data);
       if (link) {
-        back = `&${new URLSearchParams(words)}`;
+        reconnectQuery = `&${new URLSearchParams(words)}`;
         sent = "";
         tries = 0;
         if (!looks) show(link, picture);

@@ -24,8 +24,8 @@ export class OwnPanel {
     this.id = id;
     this.token = id && tokenOf(id);
     /** @type {import("./reading.js").OwnValues | null} */
-    this.own = values?.data ? unpacked(values, player.timeline.chain.modules) : null;
-    this.kept = Boolean(this.own);
+    this.ownValues = values?.data ? unpacked(values, player.timeline.chain.modules) : null;
+    this.saved = Boolean(this.ownValues);
     this.box = get("own-values");
     this.error = get("own-error");
     const file = get("own-file");
@@ -66,11 +66,11 @@ export class OwnPanel {
           `This file is ${Math.ceil(file.size / 2 ** 20)} MB. The limit is ${MAX_FILE_BYTES / 2 ** 20} MB. Use fewer digits or frames.`,
         );
       const frames = timeline.growing ? 0 : timeline.total;
-      this.own = readValues(await file.text(), file.name, {
+      this.ownValues = readValues(await file.text(), file.name, {
         modules: timeline.chain.modules,
         frames,
       });
-      this.kept = false;
+      this.saved = false;
       this.show();
     } catch (error) {
       this.error.textContent = wordsOf(error);
@@ -81,28 +81,28 @@ export class OwnPanel {
   // Colour by the values, if there are any.
   show() {
     const {
-      own,
+      ownValues,
       player: { timeline },
     } = this;
-    this.legend.offer(own?.name ?? null);
-    if (!own) return;
+    this.legend.offer(ownValues?.name ?? null);
+    if (!ownValues) return;
     const text = (/** @type {number} */ value) =>
-      `${number(value, DIGITS)}${own.unit && ` ${own.unit}`}`;
+      `${number(value, DIGITS)}${ownValues.unit && ` ${ownValues.unit}`}`;
     this.player.colourBy(
       new Colouring("own", timeline, {
-        values: ({ frame }) => valuesAt(own, timeline.last ? frame / timeline.last : 0),
-        low: own.low,
-        high: own.high,
+        values: ({ frame }) => valuesAt(ownValues, timeline.last ? frame / timeline.last : 0),
+        low: ownValues.low,
+        high: ownValues.high,
         text,
-        none: own.values.some(Number.isNaN) ? "no value" : null,
+        none: ownValues.values.some(Number.isNaN) ? "no value" : null,
       }),
     );
   }
 
   say() {
     const {
-      own,
-      kept,
+      ownValues,
+      saved,
       token,
       player: {
         timeline: { chain, total, growing },
@@ -111,40 +111,40 @@ export class OwnPanel {
     const rows = growing
       ? ""
       : `, or ${total} rows of ${chain.modules} numbers, one row for each frame`;
-    const more =
-      own && own.rows > 1
-        ? `${own.rows} rows with ${chain.modules} numbers each`
+    const counts =
+      ownValues && ownValues.rows > 1
+        ? `${ownValues.rows} rows with ${chain.modules} numbers each`
         : `${chain.modules} numbers`;
-    const where = kept
+    const audience = saved
       ? "Everyone with a link to this fold can see these numbers."
       : "The numbers stay in this browser.";
     const fewer =
-      own && token && keptRows(own) < own.rows
-        ? ` Only ${keptRows(own)} of these rows, evenly spaced, can be saved with the fold.`
+      ownValues && token && keptRows(ownValues) < ownValues.rows
+        ? ` Only ${keptRows(ownValues)} of these rows, evenly spaced, can be saved with the fold.`
         : "";
-    get("own-words").textContent = own
-      ? `${own.name}${own.unit && ` (${own.unit})`}: ${more}. ${where}${fewer}`
+    get("own-words").textContent = ownValues
+      ? `${ownValues.name}${ownValues.unit && ` (${ownValues.unit})`}: ${counts}. ${audience}${fewer}`
       : `Colour the modules by your own numbers: drop a CSV or JSON file here, or choose one. The file must contain ${chain.modules} numbers, one for each module${rows}. The file stays in this browser.`;
-    get("own-keep").hidden = !own || kept || !token;
-    get("own-remove").hidden = !own || (kept && !token);
+    get("own-keep").hidden = !ownValues || saved || !token;
+    get("own-remove").hidden = !ownValues || (saved && !token);
   }
 
   // Store the values with the fold, or remove them from the fold and from this page.
   /** @param {"PUT" | "DELETE"} method */
   async change(method) {
-    const { own, token } = this;
+    const { ownValues, token } = this;
     const remove = method === "DELETE";
     this.error.textContent = "";
     try {
-      if (own && token && (!remove || this.kept))
+      if (ownValues && token && (!remove || this.saved))
         await ask(`/api/folds/${this.id}/values`, {
           method,
           token,
-          body: remove ? null : packed(own),
+          body: remove ? null : packed(ownValues),
         });
-      this.kept = !remove;
+      this.saved = !remove;
       if (remove) {
-        this.own = null;
+        this.ownValues = null;
         this.legend.offer(null);
         this.legend.choose(USUAL_COLOURING);
       }

@@ -144,17 +144,17 @@ const rises = (/** @type {number[][]} */ rows) =>
 function byNumber({ rows, places }, modules) {
   const from = rows.some(([module]) => module === 0) ? 0 : 1;
   const row = new Array(modules).fill(NaN);
-  const seen = new Set();
+  const listed = new Set();
   rows.forEach(([module, value], k) => {
     if (!Number.isInteger(module) || module < from || module >= modules + from)
       throw new Error(
         `Line ${places[k]}: there is no module ${module}. Module numbers go from ${from} to ${modules + from - 1}.`,
       );
-    if (seen.has(module))
+    if (listed.has(module))
       throw new Error(
         `Line ${places[k]}: module ${module} appears twice. List each module once. If your numbers have decimal commas, replace these commas with points.`,
       );
-    seen.add(module);
+    listed.add(module);
     row[module - from] = value;
   });
   return [row];
@@ -252,13 +252,13 @@ export const keptRows = ({ rows, values }) =>
 // Pack values for storage with a fold, quantised between
 // minimum and maximum. Surplus rows are dropped evenly.
 /**
- * @param {OwnValues} own
+ * @param {OwnValues} ownValues
  * @returns {KeptValues}
  */
-export function packed(own) {
-  const { name, unit, rows, values, low, high } = own;
+export function packed(ownValues) {
+  const { name, unit, rows, values, low, high } = ownValues;
   const modules = values.length / rows;
-  const keptCount = keptRows(own);
+  const keptCount = keptRows(ownValues);
   let data = "";
   for (let row = 0; row < keptCount; row++) {
     const from = modules * (keptCount === 1 ? 0 : Math.round((row / (keptCount - 1)) * (rows - 1)));

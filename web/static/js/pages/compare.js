@@ -1,7 +1,7 @@
 // The comparison page: two folds side by side.
 import { Bar } from "../player/bar.js";
 import { Keys } from "../player/keys.js";
-import { COLOURINGS, MEASURED, colouring } from "../player/colours.js";
+import { COLOURINGS, MEASURED, colouringFor } from "../player/colours.js";
 import { Timeline, Source } from "../player/timeline.js";
 import { Place, viewOf } from "../player/address.js";
 import { Pair } from "../player/paired_playback.js";
@@ -60,9 +60,9 @@ const sides = facts.map((fold, k) => {
         pair.send({ do: "seek", frame: pair.frameAt(player, at) });
       }),
     );
-  webgl.then((there) =>
+  webgl.then((available) =>
     setTimeout(() => {
-      if (there) load(frame, hrefOf("/view"));
+      if (available) load(frame, hrefOf("/view"));
     }, 1500 * k),
   );
   return { player, stage };
@@ -85,16 +85,16 @@ colours.append(
 /** @param {string} key */
 function colourBy(key) {
   if (![...colours.options].some(({ value }) => value === key)) return;
-  for (const { player } of sides) player.colourBy(colouring(key, player.timeline, null));
+  for (const { player } of sides) player.colourBy(colouringFor(key, player.timeline, null));
   scale();
   place.note();
 }
 colours.onchange = () => colourBy(colours.value);
 const scale = () => {
-  const { colouring: chosen, timeline } = sides[0].player;
-  if (!chosen) return;
-  colours.value = chosen.key;
-  showScale(chosen, timeline);
+  const { colouring, timeline } = sides[0].player;
+  if (!colouring) return;
+  colours.value = colouring.key;
+  showScale(colouring, timeline);
 };
 pair.on("outline", scale);
 const through = pathButton(sides.map(({ stage }) => stage));

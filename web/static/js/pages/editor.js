@@ -3,7 +3,17 @@ import { SIZES } from "../editor/painting.js";
 import { imported } from "../editor/shape_tools.js";
 import { Editor, MIN_MODULES } from "../editor/state.js";
 import { Sheet, all, exact, say, showControls } from "../editor/view.js";
-import { at, duration, element, get, later, save, whole, wholeTime, wordsOf } from "../lib/text.js";
+import {
+  at,
+  duration,
+  element,
+  get,
+  later,
+  save,
+  integerText,
+  wholeTime,
+  wordsOf,
+} from "../lib/text.js";
 
 /** @typedef {import("../editor/state.js").Tool} Tool */
 /** @typedef {0 | 1 | 2} Axis */
@@ -55,7 +65,7 @@ function show(drawn = true) {
     drawnAt = performance.now();
   }
   showControls(editor, standing);
-  check(standing.whole && standing.ready);
+  check(standing.complete && standing.ready);
 }
 
 // Return a handler that acts and updates the page.
@@ -178,7 +188,7 @@ get("complete").onclick = async () => {
 for (const input of exact)
   input.addEventListener(
     "change",
-    doing(() => editor.choose(/** @type {typeof draft.how} */ (input.value))),
+    doing(() => editor.choose(/** @type {typeof draft.conversion} */ (input.value))),
   );
 get("name").addEventListener("input", () => draft.note({ name: get("name").value }));
 for (const button of /** @type {NodeListOf<HTMLElement>} */ (
@@ -223,7 +233,7 @@ async function open(source) {
     if (ordered) editor.take("path");
     say(
       "reading",
-      `${name}: ${whole(report.cells.length)} cells${ordered ? " along their path" : ""}.`,
+      `${name}: ${integerText(report.cells.length)} cells${ordered ? " along their path" : ""}.`,
     );
   } catch (error) {
     if (turnOf === reading) say("reading", `${name}: ${wordsOf(error)}`, "bad");
@@ -261,22 +271,22 @@ get("save-path").onclick = () =>
 async function send(ask) {
   const {
     name,
-    draft: { how },
+    draft: { conversion },
   } = editor;
   editor.sending = true;
   show();
-  const left = await exchanging((exchange) =>
+  const leaving = await exchanging((exchange) =>
     ask(
       {
         file:
-          how === "path"
+          conversion === "path"
             ? exchange.pathFile(name, painting.state)
-            : exchange.voxelFile(name, painting.state, how === "no"),
+            : exchange.voxelFile(name, painting.state, conversion === "no"),
       },
       exchange,
     ),
   );
-  if (left) return;
+  if (leaving) return;
   editor.sending = false;
   show();
 }

@@ -16,7 +16,7 @@ const { hand, player } = view({
   source: new Source(at(`/folds/${facts.id}`)),
   figures,
   load: (frame) => load(frame, at("/embed/view")),
-  kept: {
+  extras: {
     tour: () => ask(`/folds/${facts.id}/tour.json`),
     values: () => ask(`/folds/${facts.id}/values.json`),
     steps: () => ask(`/folds/${facts.id}/steps.json`),

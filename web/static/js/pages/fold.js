@@ -24,7 +24,7 @@ const { timeline, player, place, bar } = view({
   figures,
   details: { drawer, ModulePanel, Plots },
   load: (frame) => load(frame, at("/view")),
-  kept: {
+  extras: {
     tour: () => ask(`/folds/${facts.id}/tour.json`),
     values: () => ask(`/folds/${facts.id}/values.json`),
     steps: () => ask(`/folds/${facts.id}/steps.json`),
@@ -111,20 +111,20 @@ get("smooth").onclick = () =>
   });
 get("again").onclick = tryAgain;
 get("properties").onclick = ({ target }) => {
-  if (target === get("check-plan")) checking((it) => it.begin("claim"));
+  if (target === get("check-plan")) checking((check) => check.begin("claim"));
 };
 get("rests").onclick = () => {
   drawer.openAt("properties");
   /** @type {HTMLDetailsElement} */ (get("on-table").querySelector("details")).open = true;
 };
 get("downloads")?.addEventListener("input", ({ target }) =>
-  downloads((it) => it.choose(formOf(target))),
+  downloads((panel) => panel.choose(formOf(target))),
 );
 get("downloads")?.addEventListener("submit", (event) => {
   event.preventDefault();
   const form = formOf(event.target);
-  downloads((it) =>
-    form.id === "movie" ? it.createMovie(facts.id, form) : it.checkMotors(facts.id, form),
+  downloads((panel) =>
+    form.id === "movie" ? panel.createMovie(facts.id, form) : panel.checkMotors(facts.id, form),
   );
 });
 
@@ -134,7 +134,7 @@ function show(now) {
   facts = now;
   const { choice } = now;
   get("steps").hidden = !now.steps;
-  if (now.failure) failing((it) => it.facts(now));
+  if (now.failure) failing((panel) => panel.facts(now));
   if (now.options && token && rename)
     for (const name of /** @type {const} */ ([
       "change-options",

@@ -41,14 +41,14 @@ function lets({ type, kind, status, world, q = "", least, most }, { dataset }) {
 function sift() {
   const filter = readFilter();
   for (const card of [...cards, ...finished]) card.hidden = !lets(filter, card);
-  const [count, others] = [cards, finished].map(
+  const [count, finishedCount] = [cards, finished].map(
     (list) => list.filter(({ hidden }) => !hidden).length,
   );
   const countText =
     count === cards.length ? `${count} shapes` : `${count} of ${cards.length} shapes`;
   if (get("found").textContent !== countText) get("found").textContent = countText;
-  get("nothing").hidden = count + others > 0;
-  if (finished.length) get("finished").hidden = !others;
+  get("nothing").hidden = count + finishedCount > 0;
+  if (finished.length) get("finished").hidden = !finishedCount;
   const query = String(new URLSearchParams(filter));
   history.replaceState(null, "", location.pathname + (query && `?${query}`));
 }

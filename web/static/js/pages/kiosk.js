@@ -12,12 +12,12 @@ const IDLE_MS = 1000 * (idleSeconds(location.search) ?? idleSeconds("?kiosk") ??
 /** @type {{ id: string, name: string, src: string }[]} */
 const all = JSON.parse(get("exhibits").textContent);
 const ids = new URLSearchParams(location.search).get("folds")?.split(",") ?? [];
-const chosen = ids.flatMap((id) => all.filter((fold) => fold.id === id));
-const exhibits = chosen.length ? chosen : all;
+const requested = ids.flatMap((id) => all.filter((fold) => fold.id === id));
+const exhibits = requested.length ? requested : all;
 let at = -1; // index of the exhibit that is shown or loading
 let failures = 0; // in a row
 /** @type {HTMLIFrameElement | null} */
-let shown = null;
+let visibleFrame = null;
 /** @type {HTMLIFrameElement | null} */
 let coming = null;
 /** @type {ReturnType<typeof setTimeout> | undefined} */
@@ -56,7 +56,7 @@ function next() {
 
 function fail() {
   cancel();
-  get("trouble").hidden = shown !== null;
+  get("trouble").hidden = visibleFrame !== null;
   timer = setTimeout(
     () => {
       timer = undefined;
@@ -71,8 +71,8 @@ function show() {
   coming = null;
   cancel();
   failures = 0;
-  shown?.remove();
-  shown = fresh;
+  visibleFrame?.remove();
+  visibleFrame = fresh;
   fresh?.classList.remove("coming");
   get("trouble").hidden = true;
   get("exhibit").textContent = exhibits[at].name;
@@ -81,7 +81,7 @@ function show() {
 addEventListener("message", ({ source, data }) => {
   const word = data?.kiosk;
   if (coming && source === coming.contentWindow && word === "ready") show();
-  else if (!shown || source !== shown.contentWindow) return;
+  else if (!visibleFrame || source !== visibleFrame.contentWindow) return;
   clearTimeout(stalled);
   stalled = setTimeout(next, STALLED_MS + IDLE_MS);
   if (word === "touched")

@@ -38,13 +38,13 @@ function say(text, tone = "") {
 
 // Return the options that differ from their defaults; they apply to shapes below, too.
 /** @returns {Record<string, string>} */
-function chosen() {
+function presetAndSeed() {
   const [preset, seed] = [get("preset").value, get("seed").value || "0"];
   return { ...(preset !== "default" && { preset }), ...(seed !== "0" && { seed }) };
 }
 for (const field of [get("preset"), get("seed")]) {
   field.addEventListener("input", () => {
-    const { preset, seed } = chosen();
+    const { preset, seed } = presetAndSeed();
     const settings = [
       preset && `the preset “${get("preset").selectedOptions[0].textContent}”`,
       seed && `the seed ${seed}`,
@@ -65,10 +65,12 @@ async function start(fields, label) {
   const resting = player.is.playing && player.send({ do: "pause" });
   const preset = get("preset").value;
   const settings = preset === "paper" ? changed() : {};
-  const left = await asking(({ openFold }) =>
-    openFold({ ...fields, ...chosen(), ...settings }, (problem) => say(refused(problem), "bad")),
+  const leaving = await asking(({ openFold }) =>
+    openFold({ ...fields, ...presetAndSeed(), ...settings }, (problem) =>
+      say(refused(problem), "bad"),
+    ),
   );
-  if (resting && !left) player.send({ do: "play" });
+  if (resting && !leaving) player.send({ do: "play" });
 }
 
 // Send a file. Paths and chains without knots are folded at once; other files open a preview.
@@ -80,15 +82,15 @@ const send = (file, asVoxels = false) =>
     const form = formOf({ file, full: false, quick: true, as_voxels: asVoxels || null });
     try {
       /** @type {Api.Preview} */
-      const report = await sending.during(file.name, (how) =>
-        upload("/api/shapes/preview", form, { ...how, token: ownKey() }),
+      const report = await sending.during(file.name, (options) =>
+        upload("/api/shapes/preview", form, { ...options, token: ownKey() }),
       );
       const straight =
         (report.kind === "path" || report.kind === "chain") && report.knot?.verdict !== "knotted";
       if (straight) await start({ preview: report.id }, file.name);
       else
         location.href = at(
-          `${report.links.page}?${new URLSearchParams({ ...(asVoxels && { as_voxels: "true" }), ...chosen() })}`.replace(
+          `${report.links.page}?${new URLSearchParams({ ...(asVoxels && { as_voxels: "true" }), ...presetAndSeed() })}`.replace(
             /\?$/,
             "",
           ),

@@ -23,9 +23,9 @@ function counted() {
   const parts = [get("folds"), get("previews"), get("movies")];
   for (const part of parts)
     /** @type {HTMLElement} */ (part.closest("section")).hidden = !part.children.length;
-  const some = parts.some((part) => part.children.length);
-  get("nothing").hidden = some;
-  get("delete-all").hidden = !some;
+  const hasItems = parts.some((part) => part.children.length);
+  get("nothing").hidden = hasItems;
+  get("delete-all").hidden = !hasItems;
   get("found").textContent = !total
     ? ""
     : total === count
@@ -33,12 +33,12 @@ function counted() {
       : `${count} of ${total} folds`;
 }
 
-async function more() {
-  const mine = turn;
+async function loadMore() {
+  const loadTurn = turn;
   get("more").disabled = true;
   try {
     const folds = await list.more(PAGE);
-    if (mine !== turn) return; // the keys may have changed meanwhile
+    if (loadTurn !== turn) return; // the keys may have changed meanwhile
     const cards = folds.map(({ fold, key }) => {
       if (!fold.public) keepToken(fold.id, key); // its page lets the owner cancel it
       return new FoldCard(fold, key, () => {
@@ -56,7 +56,7 @@ async function more() {
 }
 
 async function load() {
-  const mine = ++turn;
+  const loadTurn = ++turn;
   get("found").textContent = "Searching…";
   const keys = keysHere();
   try {
@@ -64,7 +64,7 @@ async function load() {
     const previews = await Promise.all(keys.map((token) => ask("/api/mine/previews", { token })));
     /** @type {Api.MoviesMade[]} */
     const movies = await Promise.all(keys.map((token) => ask("/api/mine/movies", { token })));
-    if (mine !== turn) return;
+    if (loadTurn !== turn) return;
     list = new FoldList(keys);
     const shapes = previews.flatMap((body, n) =>
       body.previews.map((preview) => new PreviewCard(preview, keys[n], counted)),
@@ -75,7 +75,7 @@ async function load() {
     get("folds").replaceChildren();
     get("previews").replaceChildren(...shapes.map(({ item }) => item));
     get("movies").replaceChildren(...lines.map(({ item }) => item));
-    await more();
+    await loadMore();
   } catch (error) {
     get("found").textContent = "";
     trouble(wordsOf(error));
@@ -85,7 +85,7 @@ async function load() {
 new KeyPanel(load);
 get("more").onclick = async () => {
   const first = get("folds").children.length;
-  await more();
+  await loadMore();
   /** @type {HTMLElement | null} */ (get("folds").children[first]?.querySelector("h3 a"))?.focus();
 };
 get("retry").onclick = load;

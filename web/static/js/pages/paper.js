@@ -26,7 +26,7 @@ class Showing {
   /** @param {HTMLElement} figure */
   constructor(figure) {
     this.figure = figure;
-    this.seen = true;
+    this.inView = true;
     this.resting = false;
     this.bar = within(figure, ".run-bar");
     this.scrub = /** @type {HTMLInputElement} */ (within(figure, ".run-scrub"));
@@ -55,7 +55,7 @@ class Showing {
     });
     this.scrub.oninput = () => this.head.send({ do: "seek", frame: Number(this.scrub.value) });
     this.toggle.onclick = () => this.head.send({ do: "toggle" });
-    this.watch = new IntersectionObserver(([{ isIntersecting: seen }]) => this.look(seen));
+    this.watch = new IntersectionObserver(([{ isIntersecting: inView }]) => this.look(inView));
     this.watch.observe(figure);
     figure.classList.add("open");
     this.bar.hidden = false;
@@ -65,7 +65,7 @@ class Showing {
   // Run a callback once the films are loaded.
   /** @param {() => void} then */
   when(then) {
-    if (this.players.every(({ shown }) => shown)) then();
+    if (this.players.every(({ snapshot }) => snapshot)) then();
     else this.then = then;
   }
 
@@ -84,14 +84,14 @@ class Showing {
   }
 
   // Pause while the figure is out of view.
-  /** @param {boolean} seen */
-  look(seen) {
+  /** @param {boolean} inView */
+  look(inView) {
     const { playing } = this.head.playhead.is;
-    if (!seen && playing) {
+    if (!inView && playing) {
       this.resting = true;
       this.head.send({ do: "pause" });
     }
-    if (seen && this.resting) {
+    if (inView && this.resting) {
       this.resting = false;
       this.head.send({ do: "play" });
     }
@@ -158,10 +158,10 @@ for (const figure of /** @type {NodeListOf<HTMLElement>} */ (
     opened(figure).play();
     within(figure, ".run-toggle").focus();
   };
-  const where = /** @type {HTMLElement | null} */ (figure.querySelector(".run-where"));
-  if (!where) continue;
-  where.hidden = false;
-  where.onclick = () => opened(figure).where();
+  const whereButton = /** @type {HTMLElement | null} */ (figure.querySelector(".run-where"));
+  if (!whereButton) continue;
+  whereButton.hidden = false;
+  whereButton.onclick = () => opened(figure).where();
 }
 const first = /** @type {HTMLElement | null} */ (document.querySelector("[data-plays]"));
 if (first && !calm) opened(first).play();

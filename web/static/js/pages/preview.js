@@ -68,7 +68,7 @@ function change(changed) {
 
 // One request at a time; later changes are requested next.
 let running = false;
-let again = false;
+let rerun = false;
 /** @type {ReturnType<typeof setTimeout> | undefined} */
 let timer;
 async function look() {
@@ -77,7 +77,7 @@ async function look() {
   improving.abort();
   get("seeking").textContent = "";
   if (running) {
-    again = true;
+    rerun = true;
     return;
   }
   busy(true);
@@ -89,8 +89,8 @@ async function look() {
     refuse(error);
   }
   busy(false);
-  if (again) {
-    again = false;
+  if (rerun) {
+    rerun = false;
     look();
   } else if (preview.report?.final === false) improve();
 }

@@ -101,7 +101,7 @@ const { player } = view({
   details: { drawer, ModulePanel, Plots },
   load: loadView,
   tightest: () => parts.tightest,
-  kept: {
+  extras: {
     tour: async () => parts.tour,
     values: async () => parts.values,
     steps: async () => parts.steps,

@@ -12,15 +12,15 @@ let listed = false; // true once the shapes of the gallery are listed
 addStyle("/static/css/paper_settings.css");
 
 /** @param {Facts} facts */
-export function compare({ id, compare: others }) {
-  get("paper-settings").hidden = !others.some(({ settable }) => settable);
+export function compare({ id, compare: comparisons }) {
+  get("paper-settings").hidden = !comparisons.some(({ settable }) => settable);
   get("compare-ways").replaceChildren(
-    ...others.map(({ text, hint, form, id: other, settable }) =>
+    ...comparisons.map(({ text, hint, form, id: otherId, settable }) =>
       way(text, hint, async () => {
-        if (!other && settable) return comparePublished(id, form, settable);
+        if (!otherId && settable) return comparePublished(id, form, settable);
         location.href = at(
-          other
-            ? `/compare?a=${other}&b=${id}`
+          otherId
+            ? `/compare?a=${otherId}&b=${id}`
             : `/compare?a=${id}&b=${(await requestFold(form)).id}`,
         );
       }),
@@ -104,7 +104,9 @@ async function refoldInto(form) {
   if (!file) return;
   get("refold-message").textContent = "";
   try {
-    const { id } = await sending.during(file.name, (how) => requestFold({ ...form, file }, how));
+    const { id } = await sending.during(file.name, (options) =>
+      requestFold({ ...form, file }, options),
+    );
     location.href = at(`/folds/${id}`);
   } catch (error) {
     get("refold-message").textContent = wordsOf(error);

@@ -19,11 +19,11 @@ export function remaining(value, busy = false) {
 }
 
 /** @param {Api.CompilationBody} compilation */
-export function compilationWords({ fraction, remaining_s: left }) {
+export function compilationWords({ fraction, remaining_s: remainingS }) {
   const percent = Math.floor(100 * fraction);
   if (!percent) return "Starting the folding software…"; // it is unknown yet whether any kernel must be compiled
   const words = `First start: compiling the folding software, ${percent} % done. This happens only once`;
-  return left ? `${words} · ${remaining(left)}` : words;
+  return remainingS ? `${words} · ${remaining(remainingS)}` : words;
 }
 
 // Show the progress, or hide the bar once it is over.

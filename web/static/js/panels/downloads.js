@@ -63,16 +63,16 @@ export function choose(form) {
 export async function createMovie(id, form) {
   const { size, ...options } = fieldsOf(form);
   const [width, height] = size.split("x");
-  const own = tokenOf(id) ?? ownKey(); // the owner uses the token of the fold
+  const ownToken = tokenOf(id) ?? ownKey(); // the owner uses the token of the fold
   get("movie-create").disabled = true;
   get("movie-state").textContent = "Checking…";
   try {
     /** @type {Api.MovieBody} */
     const movie = await ask(`/api/folds/${id}/movies`, {
-      token: own,
+      token: ownToken,
       body: { ...options, width, height },
     });
-    await follow(movie, movie.token ?? own); // the first request for a movie receives its own token
+    await follow(movie, movie.token ?? ownToken); // the first request for a movie receives its own token
   } catch (error) {
     get("movie-state").textContent = wordsOf(error);
   }

@@ -52,8 +52,9 @@ export class Drawer {
       tab.onkeydown = (event) => {
         const by = event.key === "ArrowRight" ? 1 : event.key === "ArrowLeft" ? -1 : 0;
         if (!by) return;
-        const there = tabs.filter((other) => !get(`tab-${other}`).hidden);
-        const next = there[(there.indexOf(name) + by + there.length) % there.length];
+        const visibleTabs = tabs.filter((tabName) => !get(`tab-${tabName}`).hidden);
+        const next =
+          visibleTabs[(visibleTabs.indexOf(name) + by + visibleTabs.length) % visibleTabs.length];
         this.choose(next);
         get(`tab-${next}`).focus();
       };
@@ -94,12 +95,12 @@ export class Drawer {
 
   /** @param {string} name */
   choose(name) {
-    for (const other of TABS) {
-      if (!get(`tab-${other}`)) continue;
-      const chosen = other === name;
-      get(`tab-${other}`).setAttribute("aria-selected", String(chosen));
-      get(`tab-${other}`).tabIndex = chosen ? 0 : -1;
-      get(`panel-${other}`).hidden = !chosen;
+    for (const tabName of TABS) {
+      if (!get(`tab-${tabName}`)) continue;
+      const selected = tabName === name;
+      get(`tab-${tabName}`).setAttribute("aria-selected", String(selected));
+      get(`tab-${tabName}`).tabIndex = selected ? 0 : -1;
+      get(`panel-${tabName}`).hidden = !selected;
     }
   }
 }

@@ -9,7 +9,7 @@ export class Failure {
   constructor({ player, bar, drawer }) {
     this.player = player;
     /** @type {Failing | null} */
-    this.found = null;
+    this.failure = null;
     this.bar = bar;
     bar.onStuck = () => this.go();
     get("verdict").onclick = (event) => {
@@ -35,8 +35,8 @@ export class Failure {
 
   /** @param {Facts} facts */
   facts({ failure, frames }) {
-    this.found = frames ? failure : null;
-    this.bar.sticksAt(this.found);
+    this.failure = frames ? failure : null;
+    this.bar.sticksAt(this.failure);
     this.unfold(!narrow.matches);
     this.mark();
   }
@@ -48,13 +48,13 @@ export class Failure {
   }
 
   mark() {
-    if (this.player.timeline.chain) this.player.mark(this.found?.modules ?? []);
+    if (this.player.timeline.chain) this.player.mark(this.failure?.modules ?? []);
   }
 
   // Show the frame where the fold stalled, with the camera at the modules.
   go() {
-    if (!this.found) return;
-    const { frame, modules } = this.found;
+    if (!this.failure) return;
+    const { frame, modules } = this.failure;
     this.player.send({ do: "seek", ...(frame === null ? { percent: 100 } : { frame }) });
     this.player.lookAt(modules, clearestSight);
     if (narrow.matches) this.unfold(false);

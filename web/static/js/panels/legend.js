@@ -1,5 +1,5 @@
 // The colour legend: a menu of colourings, and the scale with its values.
-import { colouring, colouringsOf, isOffered } from "../player/colours.js";
+import { colouringFor, colouringsOf, isOffered } from "../player/colours.js";
 import { element, get, store, stored } from "../lib/text.js";
 import { showScale } from "../viewer/controls.js";
 
@@ -11,24 +11,24 @@ export class Legend {
   /**
    * @param {import("../player/player.js").Player} player
    * @param {import("../player/figures.js").Figures} figures
-   * @param {(how: "show" | "open") => void} own shows the visitor's own values, or opens the panel to choose them
+   * @param {(how: "show" | "open") => void} showOwn shows the visitor's own values, or opens the panel to choose them
    */
-  constructor(player, figures, own) {
+  constructor(player, figures, showOwn) {
     this.player = player;
     this.figures = figures;
-    this.own = own;
+    this.showOwn = showOwn;
     /** @type {string | null} */
     this.ownName = null;
     this.menu = get("colour-by");
     /** @type {string | null} */
-    this.asked = null; // colouring in the address or of a tour whose data are not loaded yet
+    this.pendingKey = null; // colouring in the address or of a tour whose data are not loaded yet
     this.decided = false; // true once a colouring was asked for or chosen, so that the stored one no longer counts
     this.fill();
     this.menu.onchange = () => {
       const { value } = this.menu;
       this.show();
-      if (value === OWN) own("show");
-      else if (value === OTHER) own("open");
+      if (value === OWN) showOwn("show");
+      else if (value === OTHER) showOwn("open");
       else {
         store(KEPT, value);
         this.decided = true;
@@ -46,13 +46,13 @@ export class Legend {
       if (player.timeline.chain) this.resume();
     });
     figures.on("loaded", () => {
-      if (player.shown) player.show(true);
+      if (player.snapshot) player.show(true);
     });
   }
 
   // Apply the colouring that was asked for or stored, if its data are loaded now.
   resume() {
-    const key = this.asked ?? (this.decided ? null : stored(KEPT));
+    const key = this.pendingKey ?? (this.decided ? null : stored(KEPT));
     if (key) this.choose(key);
   }
 
@@ -86,9 +86,9 @@ export class Legend {
   // data are loaded. The visitor's stored choice does not change.
   /** @param {string} key */
   ask(key) {
-    this.asked = key;
+    this.pendingKey = key;
     this.decided = true;
-    if (key === OWN) this.own("show");
+    if (key === OWN) this.showOwn("show");
     this.choose(key);
   }
 
@@ -99,18 +99,18 @@ export class Legend {
       ![...this.menu.options].some(({ value, disabled }) => value === key && !disabled)
     )
       return;
-    this.asked = null;
+    this.pendingKey = null;
     const { stage } = this.player;
     if (stage)
       stage.pressed =
-        key === "pressed" ? (shown) => this.figures.row(shown.low)?.pressed ?? null : null;
-    this.player.colourBy(colouring(key, this.player.timeline, this.figures));
+        key === "pressed" ? (snapshot) => this.figures.row(snapshot.low)?.pressed ?? null : null;
+    this.player.colourBy(colouringFor(key, this.player.timeline, this.figures));
   }
 
   show() {
-    const { colouring: chosen, timeline } = this.player;
-    if (!chosen || !timeline.outline) return;
-    this.menu.value = chosen.key;
-    showScale(chosen, timeline);
+    const { colouring, timeline } = this.player;
+    if (!colouring || !timeline.outline) return;
+    this.menu.value = colouring.key;
+    showScale(colouring, timeline);
   }
 }

@@ -9,8 +9,8 @@ import { table } from "./drawer.js";
  * @param {number} digits
  */
 export function degrees(value, digits = 1) {
-  const shown = ((value * 180) / Math.PI).toFixed(digits);
-  return `${Number(shown) === 0 ? (0).toFixed(digits) : shown}°`.replace("-", "−");
+  const digitsText = ((value * 180) / Math.PI).toFixed(digits);
+  return `${Number(digitsText) === 0 ? (0).toFixed(digits) : digitsText}°`.replace("-", "−");
 }
 
 // Return the name of a hinge within its joint.
@@ -179,9 +179,9 @@ export class ModulePanel {
   // Write the values that change with the frame. The figures of a finished fold have most of them.
   fill() {
     if (!this.module) return;
-    const { index, joints, shown } = this.module;
-    const speeds = this.player.timeline.speeds(shown.frame);
-    const row = this.figures.row(shown.low);
+    const { index, joints, snapshot } = this.module;
+    const speeds = this.player.timeline.speeds(snapshot.frame);
+    const row = this.figures.row(snapshot.low);
     const unit = this.figures.plots?.table?.unit_nm ?? NaN;
     for (const { name, column, angle_rad: angle, target_rad: target, error_rad: error } of joints) {
       const torque = row?.torque?.[column] ?? (row?.joint_torque?.[column] ?? NaN) * unit;

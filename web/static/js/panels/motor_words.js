@@ -20,15 +20,15 @@ function roundedUp(value) {
 }
 
 /** @param {MotorsTold} told */
-export function motorWords({ would_do: enough, motor_torque_nm: given, joints }) {
-  const neediest = joints.reduce((most, joint) =>
-    joint.peak_torque_nm > most.peak_torque_nm ? joint : most,
+export function motorWords({ would_do: enough, motor_torque_nm: torqueNm, joints }) {
+  const neediest = joints.reduce((weakest, joint) =>
+    joint.peak_torque_nm > weakest.peak_torque_nm ? joint : weakest,
   );
   const need = si(roundedUp(neediest.peak_torque_nm), "N·m", DIGITS);
-  const most = `${neediest.name} needs the highest torque (${need}) ${seconds(neediest.peak_time_s)} after the motion starts.`;
-  if (given === null || enough === null)
-    return `Motors with a torque of ${need} or more are strong enough. ${most}`;
-  if (enough) return `Yes, ${newtonMetres(given)} is enough. ${most}`;
+  const peakWords = `${neediest.name} needs the highest torque (${need}) ${seconds(neediest.peak_time_s)} after the motion starts.`;
+  if (torqueNm === null || enough === null)
+    return `Motors with a torque of ${need} or more are strong enough. ${peakWords}`;
+  if (enough) return `Yes, ${newtonMetres(torqueNm)} is enough. ${peakWords}`;
   const weak = joints.filter((joint) => joint.would_do === false).length;
-  return `No, ${newtonMetres(given)} is not enough for ${weak} of ${joints.length} hinges. ${most} Choose stronger motors, lighter modules or a slower motion.`;
+  return `No, ${newtonMetres(torqueNm)} is not enough for ${weak} of ${joints.length} hinges. ${peakWords} Choose stronger motors, lighter modules or a slower motion.`;
 }

@@ -54,14 +54,14 @@ export function awaitOutcome(toast) {
     get("verdict").classList.add("new"); // highlights it for a moment
     if (!notifies || !document.hidden) return;
     try {
-      const shown = new Notification(headingOf(facts), {
+      const notification = new Notification(headingOf(facts), {
         body: facts.verdict.text,
         tag: facts.id,
         icon: ICON,
       });
-      shown.onclick = () => {
+      notification.onclick = () => {
         window.focus();
-        shown.close();
+        notification.close();
       };
     } catch {
       /* some phones allow notifications only from service workers */

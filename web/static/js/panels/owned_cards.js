@@ -9,7 +9,7 @@ import {
   sentence,
   STAGES,
   toast,
-  whole,
+  integerText,
   wordsOf,
 } from "../lib/text.js";
 import { confirmed, renamed } from "./dialogs.js";
@@ -78,7 +78,7 @@ const methodWords = ({ preset, world }) =>
 export function factsOf(fold) {
   const { likeness } = /** @type {{ likeness?: { iou: number } | null }} */ (fold.summary);
   return [
-    `${whole(fold.modules)} ${PLURALS[fold.module] ?? "modules"}`,
+    `${integerText(fold.modules)} ${PLURALS[fold.module] ?? "modules"}`,
     likeness ? `${percent(likeness.iou)} like the file` : "",
     methodWords(fold),
     ago(fold.created_at),
@@ -126,17 +126,17 @@ class Card {
   /**
    * @param {HTMLLIElement} item
    * @param {string} key
-   * @param {() => void} gone
+   * @param {() => void} onDeleted
    */
-  constructor(item, key, gone) {
+  constructor(item, key, onDeleted) {
     this.item = item;
     this.key = key;
-    this.gone = gone;
+    this.onDeleted = onDeleted;
   }
 
   away() {
     this.item.remove();
-    this.gone();
+    this.onDeleted();
   }
 
   // Poll a running item while its card is on the page; `take` returns true while it runs.
@@ -189,10 +189,10 @@ export class FoldCard extends Card {
   /**
    * @param {Api.Fold} fold
    * @param {string} key
-   * @param {() => void} gone
+   * @param {() => void} onDeleted
    */
-  constructor(fold, key, gone) {
-    super(element("li", { class: "made", "data-id": fold.id }), key, gone);
+  constructor(fold, key, onDeleted) {
+    super(element("li", { class: "made", "data-id": fold.id }), key, onDeleted);
     this.fold = fold;
     this.title = element("h3", { class: "card-title" });
     this.verdict = element("p", { class: "card-status" });
@@ -265,15 +265,15 @@ export class PreviewCard extends Card {
   /**
    * @param {Api.PreviewMade} preview
    * @param {string} key
-   * @param {() => void} gone
+   * @param {() => void} onDeleted
    */
   constructor(
     { id, title, module, modules, created_at: createdAt, expires_at: end, page, drawing },
     key,
-    gone,
+    onDeleted,
   ) {
-    super(element("li", { class: "made", "data-id": id }, art(page, drawing)), key, gone);
-    const facts = `${whole(modules)} ${PLURALS[module] ?? "modules"} · ${ago(createdAt)} · ${expiryOf(end)}`;
+    super(element("li", { class: "made", "data-id": id }, art(page, drawing)), key, onDeleted);
+    const facts = `${integerText(modules)} ${PLURALS[module] ?? "modules"} · ${ago(createdAt)} · ${expiryOf(end)}`;
     this.item.append(
       element("h3", { class: "card-title" }, element("a", { href: page }, title)),
       element("p", { class: "card-count" }, facts),
@@ -293,10 +293,10 @@ export class MovieLine extends Card {
   /**
    * @param {Api.MovieMade} made
    * @param {string} key
-   * @param {() => void} gone
+   * @param {() => void} onDeleted
    */
-  constructor({ title, created_at: moment, movie }, key, gone) {
-    super(element("li", { class: "movie" }), key, gone);
+  constructor({ title, created_at: moment, movie }, key, onDeleted) {
+    super(element("li", { class: "movie" }), key, onDeleted);
     this.title = title;
     this.movie = movie;
     this.state = element("span", { class: "card-count" });

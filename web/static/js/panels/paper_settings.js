@@ -72,12 +72,12 @@ export function open(field = fields[0]) {
 }
 
 // Return a refusal with the label of its field, and mark and show that field.
-/** @param {string} said */
-export function refused(said) {
-  const bad = fields.find(({ name }) => said.includes(` ${name} = `));
+/** @param {string} refusal */
+export function refused(refusal) {
+  const bad = fields.find(({ name }) => refusal.includes(` ${name} = `));
   for (const field of fields) field.toggleAttribute("aria-invalid", false);
-  if (!bad) return said;
+  if (!bad) return refusal;
   bad.setAttribute("aria-invalid", "true");
   open(bad);
-  return said.replace(` ${bad.name} = `, ` ${bad.dataset.label} = `);
+  return refusal.replace(` ${bad.name} = `, ` ${bad.dataset.label} = `);
 }

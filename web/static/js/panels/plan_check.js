@@ -1,6 +1,6 @@
 // Plan check: a worker in this browser checks the
 // motion, and the page shows its progress and outcome.
-import { at as hrefOf, get, number, whole } from "../lib/text.js";
+import { at as hrefOf, get, number, integerText } from "../lib/text.js";
 
 /** @typedef {import("../check/worker.js").Asked} Asked */
 /** @typedef {import("../check/worker.js").Progress} Progress */
@@ -15,36 +15,36 @@ const FULL = 1 - 1e-4; // pitches; larger modules count as filling their cells
 /** @param {number} share */
 const percent = (share) => `${(Math.floor(1000 * share) / 10).toFixed(1)} %`;
 /** @param {Place} place */
-const pair = ({ modules: [i, j] }) => `modules ${whole(i + 1)} and ${whole(j + 1)}`;
+const pair = ({ modules: [i, j] }) => `modules ${integerText(i + 1)} and ${integerText(j + 1)}`;
 /** @param {number} seconds */
-const took = (seconds) => `${seconds < 9.95 ? number(seconds) : whole(seconds)} s`;
+const took = (seconds) => `${seconds < 9.95 ? number(seconds) : integerText(seconds)} s`;
 
 // Return the outcome of a check as text.
 /**
  * @param {Asked["way"]} way
- * @param {Proved | Refused} said
+ * @param {Proved | Refused} answer
  */
-export function outcome(way, said) {
-  if (said.is === "refused") return refusal(way, said);
+export function outcome(way, answer) {
+  if (answer.is === "refused") return refusal(way, answer);
   const {
     plan: { modules, size, claim },
-    said: { limits, known, module, start, end },
+    said: { limits, standard, module, start, end },
     touch,
     joint,
     seconds,
-  } = said;
+  } = answer;
   if (way === "claim") {
-    const shape = known
+    const shape = standard
       ? `Each module (${module}) fills ${percent(size)} of the spacing.`
       : `Each module, at ${percent(size)} of its full size, is ${module}.`;
-    return `${limits ? `Proved, but ${limits}. ` : ""}This browser checked ${whole(modules)} modules without our server. ${shape} The motion begins ${start}. It ends ${end}. Modules that share no joint stay at least ${percent(claim)} of the spacing apart during the whole motion. The check took ${took(seconds)}.`;
+    return `${limits ? `Proved, but ${limits}. ` : ""}This browser checked ${integerText(modules)} modules without our server. ${shape} The motion begins ${start}. It ends ${end}. Modules that share no joint stay at least ${percent(claim)} of the spacing apart during the whole motion. The check took ${took(seconds)}.`;
   }
   if (way === "size") {
     if (!touch || touch.size > FULL)
       return `In this plan, each module fills ${percent(size)} of the spacing. Even modules that fill their cells completely would not overlap during the motion.`;
     return `The modules may grow from ${percent(size)} to almost ${percentUp(touch.size)} of the spacing; then ${pair(touch)} touch.`;
   }
-  return `If the joint between modules ${whole(joint + 1)} and ${whole(joint + 2)} is off by 1°, no modules touch.`;
+  return `If the joint between modules ${integerText(joint + 1)} and ${integerText(joint + 2)} is off by 1°, no modules touch.`;
 }
 
 // Return the size at which modules touch as a percentage,
@@ -60,7 +60,7 @@ function refusal(way, { text, place, claim, joint }) {
   if (place && place.gap >= claim)
     return `Not proved: ${pair(place)} may be far enough apart, but the check cannot prove it.`;
   if (way === "hinge" && place)
-    return `If the joint between modules ${whole(joint + 1)} and ${whole(joint + 2)} is off by 1°, ${pair(place)} touch.`;
+    return `If the joint between modules ${integerText(joint + 1)} and ${integerText(joint + 2)} is off by 1°, ${pair(place)} touch.`;
   if (!place) return `Not proved: ${text}`;
   return `Not proved: ${pair(place)} are only ${percent(Math.max(place.gap, 0))} of the spacing apart.`;
 }
@@ -91,7 +91,7 @@ export class Checking {
     /** @type {Worker | null} */
     this.worker = null;
     /** @type {{ at: Place, frames: number } | null} */
-    this.seen = null;
+    this.place = null;
     get("check-where").onclick = () => this.go();
     get("check-stop").onclick = () => this.end();
     get("check-size").onclick = () => this.begin("size");
@@ -137,24 +137,24 @@ export class Checking {
 
   /**
    * @param {Asked["way"]} way
-   * @param {Progress | Proved | Refused} said
+   * @param {Progress | Proved | Refused} message
    */
-  heard(way, said) {
-    if (said.is === "progress") {
-      get("check-bar").value = said.frame / said.frames;
-      if (said.tightest) this.show(said.tightest, said.frames, "Tightest place so far");
+  heard(way, message) {
+    if (message.is === "progress") {
+      get("check-bar").value = message.frame / message.frames;
+      if (message.tightest) this.show(message.tightest, message.frames, "Tightest place so far");
       return;
     }
     this.end();
-    get("check-said").textContent = outcome(way, said);
-    get("check-said").className = said.is === "proved" && !said.said.limits ? "" : "bad";
-    const at = said.is === "refused" ? said.place : (said.touch ?? said.tightest);
+    get("check-said").textContent = outcome(way, message);
+    get("check-said").className = message.is === "proved" && !message.said.limits ? "" : "bad";
+    const at = message.is === "refused" ? message.place : (message.touch ?? message.tightest);
     get("check-where").hidden = !at;
     if (at)
       this.show(
         at,
-        said.is === "refused" ? said.frames : said.plan.frames,
-        said.is === "refused" || said.touch ? "Show where" : "Tightest place",
+        message.is === "refused" ? message.frames : message.plan.frames,
+        message.is === "refused" || message.touch ? "Show where" : "Tightest place",
       );
     get("check-limits").hidden = get("check-tries").hidden = false;
     this.reveal();
@@ -166,7 +166,7 @@ export class Checking {
    * @param {string} label
    */
   show(at, frames, label) {
-    this.seen = { at, frames };
+    this.place = { at, frames };
     get("check-where").hidden = false;
     get("check-where").textContent =
       `${label}: ${pair(at)}${at.gap < TOUCHING ? "" : `, ${percent(at.gap)} apart`}`;
@@ -174,12 +174,12 @@ export class Checking {
 
   // Show the reported frame and modules. The frames of the plan are the last ones of the timeline.
   go() {
-    const { player, seen } = this;
+    const { player, place } = this;
     const frames = player.timeline.outline?.frames;
-    if (!seen || !frames) return;
-    this.seek(frames - seen.frames + seen.at.frame);
-    player.mark(seen.at.modules);
-    player.lookAt(seen.at.modules);
+    if (!place || !frames) return;
+    this.seek(frames - place.frames + place.at.frame);
+    player.mark(place.at.modules);
+    player.lookAt(place.at.modules);
     this.onGo();
   }
 }

@@ -46,10 +46,10 @@ const FIRST_AXIS = { clearance: "room", calm: "moving" }; // by preference
  */
 function scale(values, places, log) {
   const of = log ? Math.log10 : (/** @type {number} */ value) => value;
-  const back = (/** @type {number} */ value) => (log ? 10 ** value : value);
+  const inverse = (/** @type {number} */ value) => (log ? 10 ** value : value);
   const [low, high] = [Math.min(...values), Math.max(...values)].map(of);
   const spare = SPARE * (high - low) || Math.abs(high) * SPARE || 1;
-  const ends = /** @type {[number, number]} */ ([low - spare, high + spare].map(back));
+  const ends = /** @type {[number, number]} */ ([low - spare, high + spare].map(inverse));
   const at = scaleOf(ends, places, log);
   return { at, ticks: ticks(...ends, log).map((value) => ({ at: at(value), value })) };
 }

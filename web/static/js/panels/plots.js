@@ -10,7 +10,7 @@ import {
   save,
   seconds,
   svg,
-  whole,
+  integerText,
 } from "../lib/text.js";
 import { shareAt } from "../player/bar.js";
 
@@ -26,8 +26,8 @@ const FAR = 10; // frames
  * @property {string} label
  * @property {(value: number) => string} text
  * @property {(...values: number[]) => number} worst
- * @property {{ at: number, what: string }[]} [bounds] lines across it, lowest first
- * @property {string} [said] beside its scale
+ * @property {{ at: number, meaning: string }[]} [bounds] lines across it, lowest first
+ * @property {string} [suffix] beside its scale
  */
 
 /** @type {Plot[]} */
@@ -38,9 +38,9 @@ const PLOTS = [
     label: "Smallest clearance",
     text: pitches,
     worst: Math.min,
-    said: "of the motion that you see; the verdict is about the planned motion",
+    suffix: "of the motion that you see; the verdict is about the planned motion",
   },
-  { name: "hinges_moving", label: "Hinges moving", text: whole, worst: Math.max },
+  { name: "hinges_moving", label: "Hinges moving", text: integerText, worst: Math.max },
   { name: "peak_torque_nm", label: "Largest torque", text: newtonMetres, worst: Math.max },
 ];
 const TORQUES = ["table_torque", "peak_torque_nm"]; // a fold has one of them
@@ -54,8 +54,8 @@ function onTable(table) {
   if (!table) return [];
   const wp = (/** @type {number} */ v) => `${number(v)} w·p`;
   const bounds = [
-    { at: table.kept, what: "limit while unfolding" },
-    { at: table.bound, what: "limit" },
+    { at: table.kept, meaning: "limit while unfolding" },
+    { at: table.bound, meaning: "limit" },
   ];
   return [
     {
@@ -63,10 +63,10 @@ function onTable(table) {
       label: "Largest torque on the table",
       text: (v) => `${wp(v)} (${newtonMetres(v * table.unit_nm)})`,
       worst: Math.max,
-      bounds: bounds.flatMap(({ at, what }) =>
-        at === null ? [] : [{ at, what: `${wp(at)} ${what}` }],
+      bounds: bounds.flatMap(({ at, meaning }) =>
+        at === null ? [] : [{ at, meaning: `${wp(at)} ${meaning}` }],
       ),
-      said: table.words,
+      suffix: table.words,
     },
   ];
 }
@@ -86,8 +86,8 @@ const ALL_FRAMES =
 function columns(values, worst) {
   const count = Math.min(COLUMNS, values.length);
   return Array.from({ length: count }, (_, k) => {
-    const [begin, end] = [k, k + 1].map((column) => Math.floor((column * values.length) / count));
-    const finite = Array.from(values.subarray(begin, end)).filter(Number.isFinite);
+    const [start, end] = [k, k + 1].map((column) => Math.floor((column * values.length) / count));
+    const finite = Array.from(values.subarray(start, end)).filter(Number.isFinite);
     return finite.length ? finite.reduce((a, b) => worst(a, b)) : NaN;
   });
 }
@@ -107,9 +107,9 @@ export function axes({ low, high, frames, text }) {
   );
   const across = [1, ...inner].map((frame) => ({
     at: (frame - 1) / Math.max(1, frames - 1),
-    text: whole(frame),
+    text: integerText(frame),
   }));
-  return { up: up.filter(({ text: said }, k) => said !== up[k - 1]?.text), across };
+  return { up: up.filter(({ text: label }, k) => label !== up[k - 1]?.text), across };
 }
 
 // Return a plot as CSV: each frame and its value, empty if there is none.
@@ -161,7 +161,7 @@ export class Plots {
     this.player = player;
     this.figures = figures;
     /** @type {Made[]} */
-    this.made = [];
+    this.drawnPlots = [];
     const hint = element("p", { class: "hint" }, "Plots appear when the fold is finished.");
     panel.replaceChildren(hint);
     figures.on("begun", () => this.build());
@@ -174,13 +174,13 @@ export class Plots {
   build() {
     const { plots } = this.figures;
     if (!plots) return;
-    this.made = [...onTable(plots.table), ...PLOTS].flatMap((plot) => {
+    this.drawnPlots = [...onTable(plots.table), ...PLOTS].flatMap((plot) => {
       const values = plots[plot.name];
       const drawn = values ? this.plot(plot, values) : null;
       return drawn ? [drawn] : [];
     });
-    this.panel.replaceChildren(...this.made.map(({ box }) => box));
-    if (this.player.shown) this.show({ frame: this.player.playhead.frame });
+    this.panel.replaceChildren(...this.drawnPlots.map(({ box }) => box));
+    if (this.player.snapshot) this.show({ frame: this.player.playhead.frame });
   }
 
   /**
@@ -225,7 +225,7 @@ export class Plots {
       ...bounds.map(({ at }) => rule("plot-bound", { y: y(at) }, [0, WIDE])),
       hair,
     );
-    const [now, where] = [element("b"), element("small", { class: "plot-where" })];
+    const [now, position] = [element("b"), element("small", { class: "plot-where" })];
     const larger = button("inline", "Larger", () => this.enlarge(box, larger), {
       "aria-label": `Larger view of ${label.toLowerCase()}`,
     });
@@ -238,7 +238,7 @@ export class Plots {
     const box = element(
       "figure",
       { class: "plot" },
-      element("figcaption", {}, element("span", {}, label), now, where),
+      element("figcaption", {}, element("span", {}, label), now, position),
       framed(picture, marks),
       element(
         "div",
@@ -256,11 +256,11 @@ export class Plots {
             "small",
             { class: "plot-bounds" },
             element("i", { "aria-hidden": "true" }),
-            bounds.map(({ what }) => what).join("; "),
+            bounds.map(({ meaning }) => meaning).join("; "),
           )
         : null,
     );
-    const drawnPlot = { box, values, text, now, where, line, hair, label, picture };
+    const drawnPlot = { box, values, text, now, where: position, line, hair, label, picture };
     this.listen(drawnPlot);
     return drawnPlot;
   }
@@ -270,11 +270,11 @@ export class Plots {
    * @param {Plot} plot
    * @param {number[]} finite
    */
-  scaleWords({ name, text, said = "" }, finite) {
+  scaleWords({ name, text, suffix = "" }, finite) {
     const origin = this.figures.plots?.torque_at_some_frames ? SOME_FRAMES : ALL_FRAMES;
     return [
       `${text(Math.min(...finite, 0))} to ${text(Math.max(...finite, 0))}`,
-      said,
+      suffix,
       name === "peak_torque_nm" ? origin : "",
     ]
       .filter(Boolean)
@@ -309,9 +309,9 @@ export class Plots {
   point(plot, frame) {
     plot.hair.setAttribute("visibility", frame === null ? "hidden" : "visible");
     const last = plot.values.length - 1;
-    const shown = frame ?? Math.min(last, Math.round(this.player.playhead.frame));
-    moveRule(plot.hair, (WIDE * shown) / Math.max(1, last));
-    this.read(plot, shown);
+    const shownFrame = frame ?? Math.min(last, Math.round(this.player.playhead.frame));
+    moveRule(plot.hair, (WIDE * shownFrame) / Math.max(1, last));
+    this.read(plot, shownFrame);
   }
 
   // Show the value at a frame and its time.
@@ -319,11 +319,14 @@ export class Plots {
    * @param {Made} made
    * @param {number} frame
    */
-  read({ values, text, now, where }, frame) {
+  read({ values, text, now, where: position }, frame) {
     const value = values[frame];
     const time = this.player.timeline.row(frame)?.time_s;
     now.textContent = Number.isFinite(value) ? text(value) : "–";
-    where.textContent = [`frame ${whole(frame + 1)}`, time === undefined ? null : seconds(time)]
+    position.textContent = [
+      `frame ${integerText(frame + 1)}`,
+      time === undefined ? null : seconds(time),
+    ]
       .filter(Boolean)
       .join(", ");
   }
@@ -354,17 +357,17 @@ export class Plots {
     const { frames } = this.figures.plots ?? {};
     if (!frames) return;
     const x = (WIDE * Math.min(frame, frames - 1)) / Math.max(1, frames - 1);
-    const shown = Math.min(frames - 1, Math.round(frame));
-    for (const plot of this.made) {
+    const shownFrame = Math.min(frames - 1, Math.round(frame));
+    for (const plot of this.drawnPlots) {
       const { values, text, line, hair, label, picture } = plot;
       moveRule(line, x);
-      const value = values[shown];
+      const value = values[shownFrame];
       const valueText = Number.isFinite(value) ? text(value) : null;
-      if (hair.getAttribute("visibility") === "hidden") this.read(plot, shown);
-      picture.setAttribute("aria-valuenow", String(shown + 1));
+      if (hair.getAttribute("visibility") === "hidden") this.read(plot, shownFrame);
+      picture.setAttribute("aria-valuenow", String(shownFrame + 1));
       picture.setAttribute(
         "aria-valuetext",
-        `Frame ${shown + 1}, ${label.toLowerCase()} ${valueText ?? "unknown"}`,
+        `Frame ${shownFrame + 1}, ${label.toLowerCase()} ${valueText ?? "unknown"}`,
       );
     }
   }
@@ -389,14 +392,14 @@ export class Plots {
     const plot = [...onTable(plots?.table), ...PLOTS].find((p) => p.name === plotName);
     const values = plot && plots?.[plot.name];
     if (!plot || !values) return null;
-    const begin =
+    const start =
       this.player.timeline.outline?.phases.find(({ name: phase }) => phase !== "explosion")?.from ??
       0;
-    const finite = Array.from(values.subarray(begin)).filter(Number.isFinite);
+    const finite = Array.from(values.subarray(start)).filter(Number.isFinite);
     return finite.length
       ? values.indexOf(
           finite.reduce((a, b) => plot.worst(a, b)),
-          begin,
+          start,
         )
       : null;
   }

@@ -1,6 +1,6 @@
 // State of a preview page, without the page: the options,
 // their report, and the values derived from both.
-import { percent, sentence, whole, wholeTime } from "../lib/text.js";
+import { percent, sentence, integerText, wholeTime } from "../lib/text.js";
 
 /** Minimum number of modules that the service folds. */
 const MIN_MODULES = 8;
@@ -41,21 +41,21 @@ export class Preview {
     this.maxModules = maxModules;
     this.maxTableModules = maxTableModules;
     this.choices = choices;
-    const chosen = (/** @type {ChoiceName} */ name) =>
+    const choiceOf = (/** @type {ChoiceName} */ name) =>
       choices[name].find((value) => value === query.get(name)) ?? choices[name][0];
     const start = query.get("start") ?? "";
     this.bound = ""; // message for a number of modules outside the bounds
     this.givenAsVoxels = query.get("as_voxels") === "true";
     /** @type {PreviewOptions} */
     this.options = {
-      module: chosen("module"),
+      module: choiceOf("module"),
       modules: this.bounded(Number(query.get("modules")) || null),
-      method: chosen("method"),
-      ends: chosen("ends"),
+      method: choiceOf("method"),
+      ends: choiceOf("ends"),
       repair: query.get("repair") === "true",
       as_voxels: this.givenAsVoxels,
       start: /^-?\d+,-?\d+,-?\d+$/.test(start) ? start : null,
-      world: chosen("world"),
+      world: choiceOf("world"),
       seed: Number(query.get("seed")) || 0,
     };
     this.preset = earlier.preset ?? query.get("preset") ?? "default";
@@ -104,7 +104,7 @@ export class Preview {
       this.maxModules,
       Math.max(MIN_MODULES, Math.round(modules) || MIN_MODULES),
     );
-    if (count === this.maxModules) this.bound = `At most ${whole(count)} modules`;
+    if (count === this.maxModules) this.bound = `At most ${integerText(count)} modules`;
     else if (modules < MIN_MODULES) this.bound = `At least ${MIN_MODULES} modules`;
     return count;
   }
@@ -213,7 +213,7 @@ export class Preview {
   // Warning before a long chain is folded on a table.
   get warning() {
     return this.onTable && this.report && this.report.modules > this.maxTableModules
-      ? `Chains of more than ${whole(this.maxTableModules)} modules usually get stuck on a table.`
+      ? `Chains of more than ${integerText(this.maxTableModules)} modules usually get stuck on a table.`
       : "";
   }
 
@@ -232,7 +232,7 @@ export class Preview {
         button: first ? "" : "Undo",
         change: { start: null },
       };
-    const text = `Module ${whole(picked.module + 1)} of ${whole(report.modules)}${first ? ", the first" : ""}`;
+    const text = `Module ${integerText(picked.module + 1)} of ${integerText(report.modules)}${first ? ", the first" : ""}`;
     return { text, button: "Start here", change: { start: picked.cell?.join(",") ?? null } };
   }
 }
@@ -255,9 +255,9 @@ export function likenessWords(likeness) {
 
 /** @param {Api.Preview} report */
 export function verdictOf({ module, modules, iou, has_path: path, final = true }) {
-  if (!path) return `${whole(modules)} cells, no path yet`;
+  if (!path) return `${integerText(modules)} cells, no path yet`;
   const likeness = iou === null ? "" : ` · ${percent(iou)} like your file`;
-  return `${whole(modules)} ${module === "cube" ? "modules" : "tetrahedra"}${likeness}${final ? "" : ", improving…"}`;
+  return `${integerText(modules)} ${module === "cube" ? "modules" : "tetrahedra"}${likeness}${final ? "" : ", improving…"}`;
 }
 
 // Return possible numbers of modules nearby, and a text that explains them.
@@ -272,7 +272,7 @@ export function nearby(
   const nearest =
     (requested ?? modules) === modules
       ? ""
-      : `${whole(modules)} is the closest possible number to ${whole(requested ?? modules)}`;
+      : `${integerText(modules)} is the closest possible number to ${integerText(requested ?? modules)}`;
   // On a table, a neighbouring count may have no path; the checked versions are offered instead.
   const counts = onTable
     ? []
@@ -311,7 +311,7 @@ export function troubleOf(
   const details = feasibility?.problems.map(({ detail }) => detail) ?? [];
   if (onTable)
     return {
-      title: `With ${whole(modules)} modules, this shape can’t be folded on a table`,
+      title: `With ${integerText(modules)} modules, this shape can’t be folded on a table`,
       details,
       ways: [floating],
     };
@@ -362,15 +362,15 @@ export function reachOf({ maxModules }, { reach = [] }) {
       ? []
       : [
           {
-            text: `${percent(likeness)}: ${whole(modules)}`,
+            text: `${percent(likeness)}: ${integerText(modules)}`,
             change: { modules },
-            label: `About ${whole(modules)} modules are ${percent(likeness)} like your file`,
+            label: `About ${integerText(modules)} modules are ${percent(likeness)} like your file`,
           },
         ],
   );
   const beyond = reach.find(({ modules }) => modules === null);
   const limit = beyond
-    ? `Even ${whole(maxModules)} modules are less than ${percent(beyond.likeness)} like your file. Thicker parts would help more.`
+    ? `Even ${integerText(maxModules)} modules are less than ${percent(beyond.likeness)} like your file. Thicker parts would help more.`
     : "";
   return { ways, limit };
 }
@@ -400,9 +400,9 @@ export function notesOf({ onTable, options }, { notes, has_path: path, as_voxels
  */
 export function offerOf({ kind, modules, change, added }, place) {
   const words = {
-    repair: `Add ${added.length} cell${added.length === 1 ? "" : "s"}: ${whole(modules)} modules`,
-    modules: `Use ${whole(modules)} modules, one for each cell`,
-    blocks: `Use ${whole(modules)} modules, 2×2×2 for each cell`,
+    repair: `Add ${added.length} cell${added.length === 1 ? "" : "s"}: ${integerText(modules)} modules`,
+    modules: `Use ${integerText(modules)} modules, one for each cell`,
+    blocks: `Use ${integerText(modules)} modules, 2×2×2 for each cell`,
   };
   const settings = Object.fromEntries(Object.entries(change).filter(([, value]) => value !== null));
   return { text: words[kind], primary: place === 0, change: settings };

@@ -1,6 +1,6 @@
 // View of a preview page: options and report in the
 // panel, and the 3D view or the drawing that replaces it.
-import { at, button, element, get, sentence, whole } from "../lib/text.js";
+import { at, button, element, get, sentence, integerText } from "../lib/text.js";
 import { PreviewStage } from "../viewer/preview_scene.js";
 import { hasWebGL, load } from "../viewer/scene.js";
 import { showFor } from "./paper_settings.js";
@@ -176,7 +176,7 @@ export function showReport(preview, report, onChange) {
   });
   get("nearest").replaceChildren(
     ...counts.map((modules) =>
-      button("", whole(modules), () => onChange({ modules }), {
+      button("", integerText(modules), () => onChange({ modules }), {
         title: "A nearby number of modules that may work",
       }),
     ),
@@ -203,17 +203,17 @@ export function showReport(preview, report, onChange) {
 
 /** @param {Api.Preview} report */
 export const foldWords = ({ modules, has_path: path, final = true }) =>
-  path ? `Fold ${final ? "" : "about "}${whole(modules)} modules` : "Fold";
+  path ? `Fold ${final ? "" : "about "}${integerText(modules)} modules` : "Fold";
 
 /**
  * @param {string} text
- * @param {string} more
+ * @param {string} detail
  */
-export function cover(text, more) {
+export function cover(text, detail) {
   get("cover").classList.remove("gone", "drawn");
   get("drawing").hidden = true;
   get("cover").classList.add("still");
-  write({ "cover-text": text, "cover-more": more });
+  write({ "cover-text": text, "cover-more": detail });
   get("cover-button").hidden = false;
 }
 
@@ -226,7 +226,7 @@ export class Picture {
     this.settled = settled;
     this.viewing = false; // true while the 3D view is visible
     this.started = false;
-    this.held = false; // true while the page is about to be left
+    this.leaving = false; // true while the page is about to be left
     this.flat = false; // true if WebGL is not available
     this.failed = false;
     /** @type {Api.Preview | null} */
@@ -298,10 +298,10 @@ export class Picture {
   }
 
   explain() {
-    const why = this.flat ? NO_WEBGL : this.failed ? "The 3D view could not be loaded" : "";
+    const reason = this.flat ? NO_WEBGL : this.failed ? "The 3D view could not be loaded" : "";
     write({
-      "cover-text": why ? `${why}, so you see a drawing.` : "Starting the 3D view…",
-      "cover-more": why
+      "cover-text": reason ? `${reason}, so you see a drawing.` : "Starting the 3D view…",
+      "cover-more": reason
         ? `The numbers on this page are still correct${this.report?.has_path ? ", and you can fold the shape" : ""}.`
         : "",
     });
@@ -309,7 +309,7 @@ export class Picture {
 
   // The check starts the browser's 3D graphics, which takes a second with software rendering.
   start() {
-    if (this.started || this.held) return;
+    if (this.started || this.leaving) return;
     this.started = true;
     this.flat = !hasWebGL();
     if (!this.flat) {
@@ -327,12 +327,12 @@ export class Picture {
 
   // Do not start the 3D view of a page that is about to be left: the next page starts its own.
   hold() {
-    this.held = true;
+    this.leaving = true;
   }
 
   // Start the 3D view after all, because the page stays.
   release() {
-    this.held = false;
+    this.leaving = false;
     if (this.report) this.start();
   }
 

@@ -3,7 +3,7 @@ import { Refusal, ask, askUntil, tokenOf } from "../lib/api.js";
 import { awaitOutcome, titleOf } from "./outcome.js";
 import { OverallProgress, queueWords } from "./overall_progress.js";
 import { compilationWords, remaining, showCompilation } from "./compilation.js";
-import { at, get, toast, whole } from "../lib/text.js";
+import { at, get, toast, integerText } from "../lib/text.js";
 
 const ASK_MS = 5000; // between two requests without an event stream
 const FORBIDDEN = 403;
@@ -78,28 +78,30 @@ export class Progress {
     get("cancel").hidden = !this.token;
     const { compilation } = now;
     const name = get("name").textContent; // the owner may rename the fold meanwhile
-    const shown = { ...now, ...(now.status === "running" && { fraction: advance.fraction }) };
-    document.title = titleOf(shown, name, advance);
+    const progress = { ...now, ...(now.status === "running" && { fraction: advance.fraction }) };
+    document.title = titleOf(progress, name, advance);
     const queue = now.queue_position ?? 0;
     let text;
-    const left = now.remaining_s == null ? "" : ` · ${remaining(now.remaining_s, now.busy)}`;
+    const remainingWords =
+      now.remaining_s == null ? "" : ` · ${remaining(now.remaining_s, now.busy)}`;
     if (this.cancelling) text = "Cancelling…";
     else if (compilation)
       text = `${compilationWords(compilation)}${queue > 1 ? ` · then this fold waits in the queue behind ${queue - 1} other fold${queue > 2 ? "s" : ""}` : ""}`;
     else if (now.status === "queued") {
       if (now.paused) text = now.message ?? "Paused";
       else text = queueWords(queue, now.running_before);
-      if (now.wait_s != null) text += left;
+      if (now.wait_s != null) text += remainingWords;
       else if (queue > 0) text += " · the server computes no folds right now, so this fold waits";
     } else if (now.message === READY || (now.stage === "read" && advance.fraction >= 1))
-      text = `Getting ready${left}`;
+      text = `Getting ready${remainingWords}`;
     else if (advance.writing) text = advance.label();
     else {
-      const parts = [`${advance.label()}${advance.words()}${left}`];
-      if (now.steps) parts.push(`${whole(now.steps)} steps`);
-      const room = !left || !matchMedia(NARROW).matches;
-      if (room && now.simulated_s) parts.push(`${whole(advance.simulatedS)} s simulated`);
-      else if (room && now.steps_per_second) parts.push(`${whole(now.steps_per_second)} steps/s`);
+      const parts = [`${advance.label()}${advance.words()}${remainingWords}`];
+      if (now.steps) parts.push(`${integerText(now.steps)} steps`);
+      const room = !remainingWords || !matchMedia(NARROW).matches;
+      if (room && now.simulated_s) parts.push(`${integerText(advance.simulatedS)} s simulated`);
+      else if (room && now.steps_per_second)
+        parts.push(`${integerText(now.steps_per_second)} steps/s`);
       text = parts.join(" · ");
     }
     this.say(text);

@@ -53,17 +53,17 @@ export function sharing({ id, embed }, { place, player }) {
 function offerPicture(player) {
   const png = async () => {
     const {
-      shown,
+      snapshot,
       sketch,
       stage,
       rig: { eye },
     } = player;
-    if (!shown || !sketch || !eye) throw new Error("There is no picture to save yet");
+    if (!snapshot || !sketch || !eye) throw new Error("There is no picture to save yet");
     const options = {
       scale: Number(get("picture-scale").value),
       transparent: get("picture-clear").checked,
     };
-    return sketch.picture([shown, player.colours(), eye, stage?.ground ?? null], options);
+    return sketch.picture([snapshot, player.colours(), eye, stage?.ground ?? null], options);
   };
   get("picture").hidden = !player.sketch?.worker;
   get("picture-copy").hidden = !("ClipboardItem" in window && navigator.clipboard?.write);

@@ -70,14 +70,14 @@ export function extent(
 ) {
   const [right, up, out] = axesOf(azimuth, elevation);
   const tall = Math.tan(field / 2);
-  let most = 0;
+  let largest = 0;
   for (const p of points) {
     const off = /** @type {Vector} */ (p.map((v, k) => v - target[k]));
     const depth = Math.max(distance - dot(off, out), 1e-3 * distance);
     const [x, y] = [dot(off, right) / (depth * tall * aspect), dot(off, up) / (depth * tall)];
-    most = Math.max(most, Math.abs(x), Math.abs(y - covered) / (1 - covered));
+    largest = Math.max(largest, Math.abs(x), Math.abs(y - covered) / (1 - covered));
   }
-  return most;
+  return largest;
 }
 
 export class StepsPanel {
@@ -194,15 +194,15 @@ export class StepsPanel {
   /** @param {boolean} first */
   look(first) {
     const { player, steps, done } = this;
-    const { rig, shown, timeline } = player;
+    const { rig, snapshot, timeline } = player;
     const { view } = rig;
-    if (!shown || !view) return;
+    if (!snapshot || !view) return;
     const isFolded = done === steps.length;
     const { joints, end, held } = steps[Math.min(done, steps.length - 1)];
     const after = timeline.peek(end);
-    const modules = modulesInView(shown.positions, isFolded ? [] : joints);
-    const points = [shown, after ? heldStill(after, held) : shown].flatMap((snapshot) =>
-      rig.points(snapshot, modules),
+    const modules = modulesInView(snapshot.positions, isFolded ? [] : joints);
+    const points = [snapshot, after ? heldStill(after, held) : snapshot].flatMap((pose) =>
+      rig.points(pose, modules),
     );
     const seeing = rig.seeing(null);
     const { field, aspect } = seeing;
@@ -213,10 +213,12 @@ export class StepsPanel {
     const size = (/** @type {View} */ from) => extent(points, from, { field, aspect, covered });
     const hidden =
       !isFolded &&
-      joints.every((module) => isHidden(shown.positions, module, [view.azimuth, view.elevation]));
+      joints.every((module) =>
+        isHidden(snapshot.positions, module, [view.azimuth, view.elevation]),
+      );
     if (!first && !isFolded && !hidden && size(view) <= 1 && size(view) >= MIN_EXTENT) return;
     const [azimuth, elevation] = hidden
-      ? clearestSight(shown.positions, joints, [view.azimuth, view.elevation])
+      ? clearestSight(snapshot.positions, joints, [view.azimuth, view.elevation])
       : [view.azimuth, view.elevation];
     const middle = framing(points, { ...seeing, radius: rig.pitch, azimuth, elevation });
     const down = -covered * Math.tan(field / 2); // the panel covers the lower part of the picture
@@ -229,7 +231,7 @@ export class StepsPanel {
     for (let round = 0; round < 4; round++)
       camera = placed((camera.distance * size(camera)) / EXTENT);
     player.send({ do: "set", follow: false });
-    player.send({ do: "camera", camera: rig.relative(camera, shown), gently: !this.calm });
+    player.send({ do: "camera", camera: rig.relative(camera, snapshot), gently: !this.calm });
   }
 
   say() {

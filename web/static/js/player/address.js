@@ -16,12 +16,12 @@ const rounded = (/** @type {number} */ value, /** @type {number} */ digits) =>
 // those of Follow) and the distance as a multiple of that of Follow;
 // for a free camera, also the offset of its target from the chain.
 /** @param {CameraAt} camera */
-export function cameraText({ azimuth, elevation, zoom, aside }) {
+export function cameraText({ azimuth, elevation, zoom, offset }) {
   const turn = azimuth === null ? null : ((((azimuth * DEGREES + 180) % 360) + 360) % 360) - 180;
   const angles = [turn, elevation === null ? null : elevation * DEGREES].map((angle) =>
     angle === null ? "" : rounded(angle, 2),
   );
-  return [...angles, rounded(zoom, 4), ...(aside ?? []).map((share) => rounded(share, 4))].join(
+  return [...angles, rounded(zoom, 4), ...(offset ?? []).map((share) => rounded(share, 4))].join(
     ",",
   );
 }
@@ -44,7 +44,7 @@ export function cameraIn(text) {
     azimuth: radians(azimuth),
     elevation: radians(elevation),
     zoom,
-    aside: parts.length === 5 ? [right ?? 0, up ?? 0] : null,
+    offset: parts.length === 5 ? [right ?? 0, up ?? 0] : null,
   };
 }
 
@@ -173,8 +173,8 @@ export class Place {
       speed: view.speed,
       follow: view.follow,
     });
-    const begin = view.frame ?? view.from;
-    if (begin !== null) player.send({ do: "seek", frame: begin });
+    const startFrame = view.frame ?? view.from;
+    if (startFrame !== null) player.send({ do: "seek", frame: startFrame });
     if (view.camera) player.send({ do: "camera", camera: view.camera });
     else if (this.acted && view.follow) player.send({ do: "camera", camera: null });
     if (play && !this.calm) player.send({ do: "play" });
@@ -229,8 +229,8 @@ export class Place {
  * @param {boolean} path
  * @returns {AddressedView | null}
  */
-export function viewOf({ shown, playhead, is, timeline, selected, colouring, rig }, path) {
-  if (!shown) return null;
+export function viewOf({ snapshot, playhead, is, timeline, selected, colouring, rig }, path) {
+  if (!snapshot) return null;
   return {
     stop: null,
     named: false,
@@ -239,7 +239,7 @@ export function viewOf({ shown, playhead, is, timeline, selected, colouring, rig
     from: is.loop ? is.from : null,
     to: is.loop ? is.to : null,
     loop: is.loop,
-    camera: rig.at(shown),
+    camera: rig.at(snapshot),
     colour: colouring?.key ?? null,
     path,
     follow: rig.follows,

@@ -1,6 +1,6 @@
 // The timeline bar: phases as two tints, an area plot of the
 // error, the playhead, the frame number and the loop range.
-import { element, get, radians, seconds, svg, whole } from "../lib/text.js";
+import { element, get, radians, seconds, svg, integerText } from "../lib/text.js";
 import { PHASES } from "./timeline.js";
 
 const REAL = "real"; // real time of the robot
@@ -73,9 +73,9 @@ export class Bar {
     this.scrub.addEventListener("input", () => this.seek(Number(this.scrub.value)));
     get("folded").addEventListener("input", () => this.fold(Number(get("folded").value)));
     get("jump").onchange = () => {
-      const where = get("jump").value;
+      const placeName = get("jump").value;
       get("jump").value = "";
-      if (where) this.jump(where);
+      if (placeName) this.jump(placeName);
     };
     get("more").onclick = () =>
       get("more").setAttribute(
@@ -111,11 +111,12 @@ export class Bar {
     for (const option of get("jump").options) if (option.value === "stuck") option.hidden = !stuck;
   }
 
-  /** @param {string} where */
-  jump(where) {
-    const frame = this.worst(where);
-    if (where === "stuck") this.onStuck();
-    else if (where === "straight" || where === "folded") this.fold(where === "folded" ? 100 : 0);
+  /** @param {string} placeName */
+  jump(placeName) {
+    const frame = this.worst(placeName);
+    if (placeName === "stuck") this.onStuck();
+    else if (placeName === "straight" || placeName === "folded")
+      this.fold(placeName === "folded" ? 100 : 0);
     else if (frame !== null) this.player.send({ do: "seek", frame });
   }
 
@@ -257,12 +258,12 @@ export function shareAt(x, within) {
 // Report why the value of a field is invalid; an empty text marks it as valid.
 /**
  * @param {HTMLInputElement} field
- * @param {string} why
+ * @param {string} reason
  */
-export function refuse(field, why) {
-  field.setCustomValidity(why);
-  field.setAttribute("aria-invalid", String(why !== ""));
-  if (why) field.reportValidity();
+export function refuse(field, reason) {
+  field.setCustomValidity(reason);
+  field.setAttribute("aria-invalid", String(reason !== ""));
+  if (reason) field.reportValidity();
 }
 
 // The frame number. A click turns it into a field: Enter goes to the frame, Escape cancels.
@@ -291,7 +292,7 @@ class FrameField {
   }
 
   get words() {
-    return `Frame ${whole(this.frame + 1)} of ${whole(this.frames)}`;
+    return `Frame ${integerText(this.frame + 1)} of ${integerText(this.frames)}`;
   }
 
   // With `clicked` a pointer opened the field; then the focus does not return to the button.
@@ -388,8 +389,8 @@ class LoopRange {
    * @param {number} frame
    */
   move(end, frame) {
-    const [least, most] = end === "from" ? [0, this.at.to - 1] : [this.at.from + 1, this.last];
-    this.player.send({ do: "set", [end]: Math.min(Math.max(frame, least), most) });
+    const [min, max] = end === "from" ? [0, this.at.to - 1] : [this.at.from + 1, this.last];
+    this.player.send({ do: "set", [end]: Math.min(Math.max(frame, min), max) });
   }
 
   /**

@@ -32,7 +32,7 @@ const MIN_DEPTH = 0.02; // minimum distance in an address
 /** @typedef {typeof import("../viewer/viewpoint.js").clearestSight} Sight */
 
 /** @type {CameraAt} */
-export const USUAL = Object.freeze({ azimuth: null, elevation: null, zoom: 1, aside: null });
+export const USUAL = Object.freeze({ azimuth: null, elevation: null, zoom: 1, offset: null });
 
 export class CameraRig {
   /**
@@ -104,12 +104,12 @@ export class CameraRig {
   }
 
   // Choose the direction for a group; repeat it once the exact frame is loaded.
-  /** @param {Snapshot} shown */
-  turnToGroup(shown) {
+  /** @param {Snapshot} snapshot */
+  turnToGroup(snapshot) {
     if (!this.sight) return;
     const { azimuth_rad: home, elevation_rad: rise } = this.timeline.bundle.header.camera;
-    const [azimuth, elevation] = this.sight(shown.positions, this.group ?? [], [home, rise]);
-    if (shown.exact) this.sight = null;
+    const [azimuth, elevation] = this.sight(snapshot.positions, this.group ?? [], [home, rise]);
+    if (snapshot.exact) this.sight = null;
     this.choose({ ...USUAL, azimuth, elevation });
   }
 
@@ -135,15 +135,15 @@ export class CameraRig {
 
   /**
    * @param {Orbit} orbit
-   * @param {Snapshot | null} shown
+   * @param {Snapshot | null} snapshot
    */
-  orbit({ turn, zoom, move, gently = false }, shown) {
+  orbit({ turn, zoom, move, gently = false }, snapshot) {
     const {
       view,
       goal,
       is: { follow },
     } = this;
-    if (!view || !shown) return;
+    if (!view || !snapshot) return;
     this.sight = null;
     this.pending = null;
     const from = (gently ? goal : null) ?? view;
@@ -154,14 +154,14 @@ export class CameraRig {
         elevation: steep(from.elevation + turn[1]),
       });
     if (zoom && follow) {
-      const least = Math.min(1, this.minZoom);
+      const minZoom = Math.min(1, this.minZoom);
       this.choice = {
         ...this.choice,
-        zoom: clamp(Math.max(this.choice.zoom, least) * zoom, least, MAX_ZOOM),
+        zoom: clamp(Math.max(this.choice.zoom, minZoom) * zoom, minZoom, MAX_ZOOM),
       };
     }
     if (follow && (gently || !turn)) return; // a camera that follows glides there by itself
-    const farthest = zoom ? FARTHEST * this.whole(shown, from).distance : Infinity; // only a zoom changes the distance
+    const farthest = zoom ? FARTHEST * this.whole(snapshot, from).distance : Infinity; // only a zoom changes the distance
     this.goal = orbited(from, follow ? { turn } : { turn, zoom, move }, this.seeing().field, [
       NEAREST_PITCH * this.pitch,
       farthest,
@@ -179,24 +179,24 @@ export class CameraRig {
   // Return the camera independently of the pitch and of the chain's position: with Follow, the
   // visitor's choice; otherwise the position relative to the camera that shows the whole chain.
   /**
-   * @param {Snapshot | null} shown
+   * @param {Snapshot | null} snapshot
    * @returns {CameraAt}
    */
-  at(shown) {
+  at(snapshot) {
     if (this.pending) return this.pending;
     if (this.follows) return this.choice;
     const view = this.goal ?? this.view;
-    return view && shown ? this.relative(view, shown) : USUAL;
+    return view && snapshot ? this.relative(view, snapshot) : USUAL;
   }
 
   // Return a view relative to the one that shows the whole chain.
   /**
    * @param {View} view
-   * @param {Snapshot} shown
+   * @param {Snapshot} snapshot
    * @returns {CameraAt}
    */
-  relative(view, shown) {
-    const base = this.whole(shown, view);
+  relative(view, snapshot) {
+    const base = this.whole(snapshot, view);
     const [right, up, out] = axesOf(view.azimuth, view.elevation);
     const along = (/** @type {Vector} */ axis) =>
       axis.reduce((sum, v, k) => sum + v * (view.target[k] - base.target[k]), 0) / base.distance;
@@ -204,58 +204,58 @@ export class CameraRig {
       azimuth: view.azimuth,
       elevation: view.elevation,
       zoom: Math.max(MIN_DEPTH, view.distance / base.distance + along(out)),
-      aside: [along(right), along(up)],
+      offset: [along(right), along(up)],
     };
   }
 
   // Apply the camera of an address. A free camera is applied again once the exact frame is loaded.
   /**
    * @param {CameraAt} camera
-   * @param {Snapshot | null} shown
+   * @param {Snapshot | null} snapshot
    * @param {boolean} gently true if the view glides there
    */
-  go(camera, shown, gently = false) {
+  go(camera, snapshot, gently = false) {
     this.group = this.sight = null;
     this.choose({
       ...camera,
       elevation: camera.elevation === null ? null : steep(camera.elevation),
-      aside: null,
+      offset: null,
     });
     const { view } = this;
     if (!gently) this.view = null;
     if (this.is.follow) return;
-    this.pending = shown?.exact ? null : camera;
-    if (!shown) return;
-    this.goal = this.placed(camera, shown);
+    this.pending = snapshot?.exact ? null : camera;
+    if (!snapshot) return;
+    this.goal = this.placed(camera, snapshot);
     this.view = gently && view ? view : this.goal;
   }
 
   /**
    * @param {CameraAt} camera
-   * @param {Snapshot} shown
+   * @param {Snapshot} snapshot
    * @returns {View}
    */
-  placed({ azimuth, elevation, zoom, aside }, shown) {
+  placed({ azimuth, elevation, zoom, offset }, snapshot) {
     this.fit();
-    const usual = this.framed(shown);
+    const usual = this.framed(snapshot);
     const from = {
       ...usual,
       azimuth: azimuth ?? usual.azimuth,
       elevation: steep(elevation ?? usual.elevation),
     };
-    const base = this.whole(shown, from);
-    return { ...from, target: across(base, ...(aside ?? [0, 0])), distance: zoom * base.distance };
+    const base = this.whole(snapshot, from);
+    return { ...from, target: across(base, ...(offset ?? [0, 0])), distance: zoom * base.distance };
   }
 
   // Camera of Follow.
 
   // Return the view of the whole chain that Follow would choose in the direction of a view.
   /**
-   * @param {Snapshot} shown
+   * @param {Snapshot} snapshot
    * @param {View} view
    */
-  whole(shown, { azimuth, elevation }) {
-    return framing(this.points(shown, null), { ...this.seeing(null), azimuth, elevation });
+  whole(snapshot, { azimuth, elevation }) {
+    return framing(this.points(snapshot, null), { ...this.seeing(null), azimuth, elevation });
   }
 
   // Return the points to keep in view, in units of the scene.
@@ -330,39 +330,39 @@ export class CameraRig {
   }
 
   // Set the goal view, if Follow is on.
-  /** @param {Snapshot} shown */
-  aim(shown) {
+  /** @param {Snapshot} snapshot */
+  aim(snapshot) {
     const { is, view, choice } = this;
     if (this.pending) {
-      this.go(this.pending, shown);
+      this.go(this.pending, snapshot);
       return;
     }
     if (!is.follow) return;
     this.fit();
     const still = !(is.playing || is.live || is.turn);
-    const nearest = this.framed(shown, is.turn && view ? view.azimuth : null);
+    const nearest = this.framed(snapshot, is.turn && view ? view.azimuth : null);
     // Only frames around the playhead of a long timeline are loaded;
     // blending them at rest would make the camera move as they arrive.
     const goal =
-      is.turn || (still && this.timeline.windowed) ? nearest : this.among(shown, nearest);
-    const least = ROOM * this.needed(shown, goal);
-    this.minZoom = (this.group ? NEAREST_PITCH * this.pitch : least) / goal.distance;
+      is.turn || (still && this.timeline.windowed) ? nearest : this.among(snapshot, nearest);
+    const minDistance = ROOM * this.needed(snapshot, goal);
+    this.minZoom = (this.group ? NEAREST_PITCH * this.pitch : minDistance) / goal.distance;
     const distance =
       this.group && choice.zoom < 1
         ? goal.distance * choice.zoom
-        : Math.max(goal.distance * choice.zoom, least);
+        : Math.max(goal.distance * choice.zoom, minDistance);
     this.goal = { ...goal, distance };
     if (!view || (this.calm && still)) this.view = this.goal;
   }
 
   // Blend the views before and after a frame, so that the camera moves smoothly and in time.
   /**
-   * @param {Snapshot} shown
+   * @param {Snapshot} snapshot
    * @param {View} nearest
    */
-  among(shown, nearest) {
+  among(snapshot, nearest) {
     const { timeline } = this;
-    const position = shown.frame / this.goalEvery;
+    const position = snapshot.frame / this.goalEvery;
     const end = timeline.last / this.goalEvery;
     // Near both ends of a complete timeline the range
     // shrinks, so that the end frames are framed exactly.
@@ -397,28 +397,28 @@ export class CameraRig {
   // Advance the glide of the camera. Return true while it moves.
   /**
    * @param {number} passed in seconds
-   * @param {Snapshot} shown
+   * @param {Snapshot} snapshot
    */
-  glide(passed, shown) {
+  glide(passed, snapshot) {
     const { is } = this;
     if (is.follow && this.aspectNow() !== this.aspect) {
       this.view = null;
-      this.aim(shown);
+      this.aim(snapshot);
     }
     if (is.follow && is.turn && this.view) {
       this.view = {
         ...this.view,
         azimuth: this.view.azimuth + this.timeline.bundle.header.camera.turn_rad_s * passed,
       };
-      this.aim(shown);
+      this.aim(snapshot);
     }
     const { view, goal } = this;
     if (!view || !goal) return false;
     const moves = view !== goal || (is.follow && is.turn);
     if (view !== goal) this.view = glided(view, goal, passed);
     if (moves && this.view && is.follow && !(this.group && this.choice.zoom < 1)) {
-      const least = this.needed(shown, this.view);
-      if (this.view.distance < least) this.view = { ...this.view, distance: least };
+      const minDistance = this.needed(snapshot, this.view);
+      if (this.view.distance < minDistance) this.view = { ...this.view, distance: minDistance };
     }
     return moves;
   }

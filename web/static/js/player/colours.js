@@ -76,7 +76,7 @@ export function roundUp(value) {
 }
 
 const largest = (/** @type {Floats} */ values) =>
-  Array.from(values).reduce((most, v) => (v > most ? v : most), 0);
+  Array.from(values).reduce((max, v) => (v > max ? v : max), 0);
 
 /**
  * Definition of a colouring.
@@ -130,14 +130,14 @@ export class Colouring {
     return typeof high === "function" ? high() : high;
   }
 
-  /** @param {Snapshot} shown */
-  of(shown) {
+  /** @param {Snapshot} snapshot */
+  of(snapshot) {
     const { header, arrays } = this.timeline.bundle;
     const {
       high,
       scale: { low, ramp, bad },
     } = this;
-    const values = this.scale.values(shown);
+    const values = this.scale.values(snapshot);
     const colours = ramped(
       values.map((v) => (v - low) / (high - low || 1)),
       arrays[ramp],
@@ -171,13 +171,13 @@ export class Colouring {
  * @param {(shown: Snapshot) => Floats} values
  */
 function scaled(timeline, values) {
-  let most = 0;
+  let max = 0;
   for (let k = 0; k <= SAMPLES; k++) {
     const frame = timeline.nearest(Math.round((timeline.last * k) / SAMPLES));
-    const there = frame === null ? null : timeline.peek(frame);
-    if (there) most = Math.max(most, largest(values(there)));
+    const snapshot = frame === null ? null : timeline.peek(frame);
+    if (snapshot) max = Math.max(max, largest(values(snapshot)));
   }
-  return roundUp(most);
+  return roundUp(max);
 }
 
 /**
@@ -185,15 +185,15 @@ function scaled(timeline, values) {
  * @param {import("./timeline.js").Timeline} timeline
  * @param {Measured | null | undefined} figures
  */
-export function colouring(key, timeline, figures) {
+export function colouringFor(key, timeline, figures) {
   const { chain } = timeline;
   /**
    * @param {Scale["values"]} values
    * @param {Scale["text"]} text
-   * @param {Partial<Scale>} more
+   * @param {Partial<Scale>} options
    */
-  const per = (values, text, more = {}) =>
-    new Colouring(key, timeline, { values, text, high: () => scale(), ...more });
+  const per = (values, text, options = {}) =>
+    new Colouring(key, timeline, { values, text, high: () => scale(), ...options });
   // Computed on first use, and again after new frames.
   let [high, version] = [0, -1];
   const scale = () => {
@@ -201,21 +201,21 @@ export function colouring(key, timeline, figures) {
       [high, version] = [scaled(timeline, selected.scale.values), timeline.version];
     return high;
   };
-  const errors = (/** @type {Snapshot} */ shown) => timeline.perModule(shown.errors);
+  const errors = (/** @type {Snapshot} */ snapshot) => timeline.perModule(snapshot.errors);
   /**
    * @param {FigureName} name
-   * @param {Scale["text"]} said
-   * @param {Partial<Scale>} more
+   * @param {Scale["text"]} valueText
+   * @param {Partial<Scale>} options
    */
-  const measured = (name, said, more = {}) =>
+  const measured = (name, valueText, options = {}) =>
     per(
-      (shown) => {
-        const values = figures?.row(shown.low)?.[name];
+      (snapshot) => {
+        const values = figures?.row(snapshot.low)?.[name];
         if (!values) return new Float32Array(chain.modules).fill(NaN);
         return OF_HINGES.has(name) ? timeline.perModule(values) : values;
       },
-      said,
-      { high: () => figures?.largest(name) || 1, ...more },
+      valueText,
+      { high: () => figures?.largest(name) || 1, ...options },
     );
   /** @type {Record<string, () => Colouring>} */
   const makers = {
@@ -230,7 +230,7 @@ export function colouring(key, timeline, figures) {
     position: () => measured("position_error", pitches, { none: WHILE_FOLDING }),
     speed: () =>
       per(
-        (shown) => timeline.perModule(timeline.speeds(shown.frame)),
+        (snapshot) => timeline.perModule(timeline.speeds(snapshot.frame)),
         (v) => si(v, "rad/s"),
       ),
     torque: () => measured("torque", newtonMetres),

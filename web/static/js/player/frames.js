@@ -41,8 +41,8 @@ export function between(a, b, share) {
     const angle = angleIn(a, first + k);
     return angle + (angleIn(b, first + k) - angle) * share;
   });
-  const same = Array.from(a.wxyz).reduce((sum, v, k) => sum + v * b.wxyz[k], 0) >= 0;
-  const wxyz = mix(a.wxyz, same ? b.wxyz : Array.from(b.wxyz, (v) => -v), share);
+  const aligned = Array.from(a.wxyz).reduce((sum, v, k) => sum + v * b.wxyz[k], 0) >= 0;
+  const wxyz = mix(a.wxyz, aligned ? b.wxyz : Array.from(b.wxyz, (v) => -v), share);
   return { ...a, position: mix(a.position, b.position, share), wxyz, first, last, angles };
 }
 
@@ -119,9 +119,9 @@ export class Rows {
     let at = 0;
     for (let k = 0; k < this.rows; k++) {
       const before = k ? at - counts[k - 1] - first[k - 1] : 0; // offset of hinge 0 in the previous row
-      const [begin, end] = k ? [first[k - 1], first[k - 1] + counts[k - 1]] : [0, 0];
+      const [start, end] = k ? [first[k - 1], first[k - 1] + counts[k - 1]] : [0, 0];
       for (let i = 0, j = first[k]; i < counts[k]; i++, j++, at++) {
-        if (k) steps[at] += j < begin ? folded(j) : j < end ? steps[before + j] : 0;
+        if (k) steps[at] += j < start ? folded(j) : j < end ? steps[before + j] : 0;
         angles[at] = steps[at] * STEP;
       }
     }
@@ -135,16 +135,16 @@ export class Rows {
   row(k) {
     const { arrays, foldedRad } = this;
     const { angles, ends, first } = arrays;
-    const begin = k ? ends[k - 1] : 0;
+    const start = k ? ends[k - 1] : 0;
     return {
       time_s: arrays.time_s[k],
       phase: arrays.phase[k],
       position: part(arrays.base_position, k, 3),
       wxyz: part(arrays.base_wxyz, k, 4),
       first: first[k],
-      last: first[k] + ends[k] - begin,
-      angles: angles.subarray(begin, ends[k]),
-      errors: this.errors(k, begin),
+      last: first[k] + ends[k] - start,
+      angles: angles.subarray(start, ends[k]),
+      errors: this.errors(k, start),
       foldedRad,
     };
   }
@@ -152,13 +152,13 @@ export class Rows {
   // Return the errors of all hinges; those outside the window are zero by construction.
   /**
    * @param {number} k
-   * @param {number} begin
+   * @param {number} start
    */
-  errors(k, begin) {
+  errors(k, start) {
     const { ends, first, errors_rad: errors, recorded } = this.arrays;
     if (!errors || !recorded?.[k]) return this.noErrors;
     const jointErrors = new Float32Array(this.foldedRad.length);
-    jointErrors.set(errors.subarray(begin, ends[k]), first[k]);
+    jointErrors.set(errors.subarray(start, ends[k]), first[k]);
     return jointErrors;
   }
 }
@@ -257,8 +257,8 @@ export class FrameStore {
   // Return the nearest loaded frame.
   /** @param {number} frame */
   nearest(frame) {
-    for (let away = 0; away <= this.last; away++) {
-      for (const k of [frame - away, frame + away]) {
+    for (let distance = 0; distance <= this.last; distance++) {
+      for (const k of [frame - distance, frame + distance]) {
         if (k >= 0 && k <= this.last && this.frames.has(k)) return k;
       }
     }
@@ -294,28 +294,28 @@ export class FrameStore {
   /** @param {boolean} end */
   *near(end) {
     const { focusChunk, count } = this;
-    for (let away = 0; away <= AHEAD; away++) {
-      if (focusChunk + away < count) yield focusChunk + away;
-      if (away && away <= BEHIND && focusChunk >= away) yield focusChunk - away;
+    for (let distance = 0; distance <= AHEAD; distance++) {
+      if (focusChunk + distance < count) yield focusChunk + distance;
+      if (distance && distance <= BEHIND && focusChunk >= distance) yield focusChunk - distance;
     }
     if (end && this.nearest(this.last) !== this.last) yield count - 1;
   }
 
   *onward() {
-    const most = Math.max(FEWEST_CHUNKS, Math.floor(MAX_BYTES / (this.rows * this.rowBytes)));
-    for (let away = 0; away < Math.min(this.count, most); away++)
-      yield (this.focusChunk + away) % this.count;
+    const maxChunks = Math.max(FEWEST_CHUNKS, Math.floor(MAX_BYTES / (this.rows * this.rowBytes)));
+    for (let distance = 0; distance < Math.min(this.count, maxChunks); distance++)
+      yield (this.focusChunk + distance) % this.count;
   }
 
   // Drop the chunks that are farthest from the focus while memory use exceeds the limit.
   spare() {
     const { focusChunk, count, windowed } = this;
-    const away = (/** @type {number} */ index) =>
+    const distanceTo = (/** @type {number} */ index) =>
       windowed ? Math.abs(index - focusChunk) : (index - focusChunk + count) % count;
     while (this.bytes > (windowed ? MAX_WINDOW_BYTES : MAX_BYTES)) {
       const chunks = new Set([...this.frames.keys()].map((frame) => this.indexOf(frame)));
       if (chunks.size <= FEWEST_CHUNKS) return;
-      const farthest = [...chunks].reduce((a, b) => (away(a) > away(b) ? a : b));
+      const farthest = [...chunks].reduce((a, b) => (distanceTo(a) > distanceTo(b) ? a : b));
       for (const frame of this.frames.keys())
         if (this.indexOf(frame) === farthest) this.frames.delete(frame);
     }

@@ -7,12 +7,12 @@ const KEPT = "foldback:single-keys";
 
 /**
  * @typedef {object} Row
- * @property {string[]} shown
+ * @property {string[]} labels
  * @property {string} text
  * @property {Record<string, (it: Keys) => void>} does actions by key; keys without a character of their own have the prefix "Shift+"
- * @property {boolean} [held] true if a held key repeats the action
+ * @property {boolean} [repeats] true if a held key repeats the action
  * @property {(bar: import("./bar.js").Bar) => string} [says] result of the action, for screen readers
- * @property {(it: Keys) => unknown} [there] true if the page has this shortcut
+ * @property {(it: Keys) => unknown} [applies] true if the page has this shortcut
  */
 
 const send =
@@ -35,61 +35,61 @@ const switched =
 
 /** @type {Row[]} */
 const TABLE = [
-  { shown: ["Space"], text: "Play or pause", does: { " ": send({ do: "toggle" }) } },
+  { labels: ["Space"], text: "Play or pause", does: { " ": send({ do: "toggle" }) } },
   {
-    shown: ["←", "→"],
+    labels: ["←", "→"],
     text: "One frame back, forward",
-    held: true,
+    repeats: true,
     says: frame,
     does: { ArrowLeft: send({ do: "step", by: -1 }), ArrowRight: send({ do: "step", by: 1 }) },
   },
   {
-    shown: ["Shift ←", "Shift →"],
+    labels: ["Shift ←", "Shift →"],
     text: "0.1 s back, forward",
-    held: true,
+    repeats: true,
     says: frame,
-    there: alone,
+    applies: alone,
     does: {
       "Shift+ArrowLeft": send({ do: "pass", seconds: -0.1 }),
       "Shift+ArrowRight": send({ do: "pass", seconds: 0.1 }),
     },
   },
   {
-    shown: ["Shift ←", "Shift →"],
+    labels: ["Shift ←", "Shift →"],
     text: "Ten frames back, forward",
-    held: true,
+    repeats: true,
     says: frame,
-    there: (it) => !alone(it),
+    applies: (keys) => !alone(keys),
     does: {
       "Shift+ArrowLeft": send({ do: "step", by: -10 }),
       "Shift+ArrowRight": send({ do: "step", by: 10 }),
     },
   },
   {
-    shown: [",", "."],
+    labels: [",", "."],
     text: "1 s back, forward",
-    held: true,
+    repeats: true,
     says: frame,
-    there: alone,
+    applies: alone,
     does: { ",": send({ do: "pass", seconds: -1 }), ".": send({ do: "pass", seconds: 1 }) },
   },
   {
-    shown: ["P", "N"],
+    labels: ["P", "N"],
     text: "Previous, next visible change",
-    held: true,
+    repeats: true,
     says: frame,
-    there: alone,
+    applies: alone,
     does: { p: send({ do: "change", way: -1 }), n: send({ do: "change", way: 1 }) },
   },
   {
-    shown: ["Home", "End"],
+    labels: ["Home", "End"],
     text: "First frame, last frame",
     says: frame,
     does: { Home: send({ do: "seek", percent: 0 }), End: send({ do: "seek", percent: 100 }) },
   },
-  { shown: ["G"], text: "Go to a frame", does: { g: ({ bar }) => bar.frame.open() } },
+  { labels: ["G"], text: "Go to a frame", does: { g: ({ bar }) => bar.frame.open() } },
   {
-    shown: ["<", ">"],
+    labels: ["<", ">"],
     text: "Slower, faster (also [ and ])",
     says: ({ state }) => `Speed ${state?.speed ?? 1}`,
     does: Object.fromEntries(
@@ -102,19 +102,19 @@ const TABLE = [
     ),
   },
   {
-    shown: ["R"],
+    labels: ["R"],
     text: "Play in reverse",
     says: switched("reverse", "Reverse"),
     does: { r: ({ bar }) => bar.press("reverse") },
   },
   {
-    shown: ["L"],
+    labels: ["L"],
     text: "Loop",
     says: switched("loop", "Loop"),
     does: { l: ({ bar }) => bar.press("loop") },
   },
   {
-    shown: ["I", "O"],
+    labels: ["I", "O"],
     text: "Start, end of the loop",
     says: looped,
     does: {
@@ -127,49 +127,49 @@ const TABLE = [
     },
   },
   {
-    shown: ["X"],
+    labels: ["X"],
     text: "Loop over the whole timeline",
     says: looped,
     does: { x: send({ do: "set", from: null, to: null }) },
   },
   {
-    shown: ["W", "A", "S", "D"],
+    labels: ["W", "A", "S", "D"],
     text: "Turn the view",
-    held: true,
+    repeats: true,
     does: orbits("w", "a", "s", "d"),
   },
-  { shown: ["+", "−"], text: "Nearer, farther", held: true, does: orbits("+", "=", "-") },
+  { labels: ["+", "−"], text: "Nearer, farther", repeats: true, does: orbits("+", "=", "-") },
   {
-    shown: ["0"],
+    labels: ["0"],
     text: "Reset the view",
     does: { 0: send({ do: "camera", camera: null, gently: true }) },
   },
   {
-    shown: ["M"],
+    labels: ["M"],
     text: "Select a module by number",
-    there: ({ options }) => options.module,
+    applies: ({ options }) => options.module,
     does: { m: ({ options }) => options.module?.() },
   },
   {
-    shown: ["↑", "↓"],
+    labels: ["↑", "↓"],
     text: "In the module panel: next, previous module",
-    there: ({ options }) => options.module,
+    applies: ({ options }) => options.module,
     does: {},
   },
   {
-    shown: ["PgUp", "PgDn"],
+    labels: ["PgUp", "PgDn"],
     text: "In a plot: 10 frames forward, back",
-    there: ({ options }) => options.module,
+    applies: ({ options }) => options.module,
     does: {},
   },
   {
-    shown: ["F"],
+    labels: ["F"],
     text: "Full screen",
-    there: () => document.fullscreenEnabled,
+    applies: () => document.fullscreenEnabled,
     does: { f: ({ bar }) => bar.fullScreen() },
   },
   {
-    shown: ["T"],
+    labels: ["T"],
     text: "Theme: light, dark or system",
     does: {
       t: () => {
@@ -177,7 +177,7 @@ const TABLE = [
       },
     },
   },
-  { shown: ["?"], text: "Show keyboard shortcuts", does: { "?": (it) => it.open() } },
+  { labels: ["?"], text: "Show keyboard shortcuts", does: { "?": (keys) => keys.open() } },
 ];
 
 // Return the name of a key in the table; characters already include Shift.
@@ -197,18 +197,18 @@ export class Keys {
     this.player = player;
     this.bar = bar;
     this.options = options;
-    this.rows = TABLE.filter(({ there }) => !there || there(this));
+    this.rows = TABLE.filter(({ applies }) => !applies || applies(this));
     this.dialog = get("keys-dialog");
     this.off = get("keys-off");
     this.off.checked = stored(KEPT) === "off";
     this.off.onchange = () => store(KEPT, this.off.checked ? "off" : null);
     get("keys").onclick = () => this.open();
     get("keys-table").replaceChildren(
-      ...this.rows.map(({ shown, text }) =>
+      ...this.rows.map(({ labels, text }) =>
         element(
           "div",
           {},
-          element("dt", {}, ...shown.map((key) => element("kbd", {}, key))),
+          element("dt", {}, ...labels.map((key) => element("kbd", {}, key))),
           element("dd", {}, text),
         ),
       ),
@@ -240,7 +240,7 @@ export class Keys {
     if (!row) return;
     event.preventDefault();
     event.stopImmediatePropagation();
-    if (event.repeat && !row.held) return;
+    if (event.repeat && !row.repeats) return;
     row.does[name](this);
     if (row.says) get("keys-said").textContent = row.says(this.bar);
   }

@@ -10,7 +10,7 @@ const vectorOf = (/** @type {Numbers} */ p, i = 0) =>
  * @param {Quaternion} turn
  * @returns {Quaternion}
  */
-const back = ([w, x, y, z]) => [w, -x, -y, -z];
+const conjugate = ([w, x, y, z]) => [w, -x, -y, -z];
 /**
  * @param {Vector} axis
  * @param {number} angle
@@ -101,19 +101,19 @@ export class Kinematics {
   // Compute the poses of modules `begin` to `end` − 1. Return the last one.
   /**
    * @param {(hinge: number) => number} angle
-   * @param {number} begin
+   * @param {number} start
    * @param {number} end
    * @param {Numbers} position
    * @param {Numbers} wxyz
    * @param {Poses} poses
    * @returns {[Vector, Quaternion]}
    */
-  ahead(angle, begin, end, position, wxyz, poses) {
+  ahead(angle, start, end, position, wxyz, poses) {
     const { anchor, offset } = this.chain;
     const p = vectorOf(position);
     let q = quaternionOf(wxyz);
-    put(begin, p, q, poses);
-    for (let i = begin + 1; i < end; i++) {
+    put(start, p, q, poses);
+    for (let i = start + 1; i < end; i++) {
       const a = turned(q, anchor);
       q = times(q, this.step(angle, i - 1));
       const b = turned(q, offset);
@@ -195,10 +195,10 @@ function put(i, p, q, { positions, wxyzs }) {
  * @param {Quaternion} q
  * @param {Poses} poses
  */
-function moved({ positions: from, wxyzs: turns }, reference, [begin, end], p, q, poses) {
-  const turn = times(q, back(quaternionOf(turns, reference)));
+function moved({ positions: from, wxyzs: turns }, reference, [start, end], p, q, poses) {
+  const turn = times(q, conjugate(quaternionOf(turns, reference)));
   const [u, v, o] = vectorOf(from, reference);
-  for (let i = begin; i < end; i++) {
+  for (let i = start; i < end; i++) {
     const off = turned(turn, [from[3 * i] - u, from[3 * i + 1] - v, from[3 * i + 2] - o]);
     put(
       i,
@@ -214,14 +214,14 @@ function moved({ positions: from, wxyzs: turns }, reference, [begin, end], p, q,
 /**
  * @template {Poses} Moment
  * @param {Moment} moment
- * @param {HeldModule | null} [held]
+ * @param {HeldModule | null} [heldModule]
  * @returns {Moment}
  */
-export function heldStill(moment, held) {
-  if (!held) return moment;
+export function heldStill(moment, heldModule) {
+  if (!heldModule) return moment;
   const n = moment.positions.length / 3;
   const placed = { positions: new Float32Array(3 * n), wxyzs: new Float32Array(4 * n) };
-  moved(moment, held.module, [0, n], held.position, held.wxyz, placed);
+  moved(moment, heldModule.module, [0, n], heldModule.position, heldModule.wxyz, placed);
   return { ...moment, ...placed };
 }
 
@@ -242,7 +242,7 @@ export function touching({ sketch, shown_size: size }, { positions, wxyzs }) {
     [0, 1, 2].map((c) => face.reduce((sum, v) => sum + corners[v][c], 0) / face.length / size),
   );
   const neighbours = new Int32Array(n * faces.length).fill(n);
-  const seen = new Map();
+  const faceAt = new Map();
   for (let i = 0; i < n; i++) {
     const turn = quaternionOf(wxyzs, i);
     middles.forEach((middle, f) => {
@@ -251,13 +251,13 @@ export function touching({ sketch, shown_size: size }, { positions, wxyzs }) {
           sum * 2 * MAX_CELL + Math.round(CELLS_PER_PITCH * (positions[3 * i + c] + v)) + MAX_CELL,
         0,
       );
-      const other = seen.get(key);
-      if (other === undefined) {
-        seen.set(key, i * faces.length + f);
+      const touchingFace = faceAt.get(key);
+      if (touchingFace === undefined) {
+        faceAt.set(key, i * faces.length + f);
         return;
       }
-      neighbours[i * faces.length + f] = Math.floor(other / faces.length);
-      neighbours[other] = i;
+      neighbours[i * faces.length + f] = Math.floor(touchingFace / faces.length);
+      neighbours[touchingFace] = i;
     });
   }
   return neighbours;
@@ -311,15 +311,15 @@ export function frameFolded(timeline, targetShare) {
   let [low, high] = [folding.from, folding.to - 1];
   if (targetShare <= 0) return low;
   if (targetShare >= 1) return high;
-  let [less, more] = [value(low) ?? 0, value(high) ?? 1];
+  let [lowValue, highValue] = [value(low) ?? 0, value(high) ?? 1];
   while (high - low > 1) {
     const middle = timeline.nearest(Math.ceil((low + high) / 2));
     if (middle === null || middle <= low || middle >= high) break; // no loaded frame in between
     const folded = value(middle) ?? 0;
-    if (folded < targetShare) [low, less] = [middle, folded];
-    else [high, more] = [middle, folded];
+    if (folded < targetShare) [low, lowValue] = [middle, folded];
+    else [high, highValue] = [middle, folded];
   }
-  const share = more > less ? (targetShare - less) / (more - less) : 1;
+  const share = highValue > lowValue ? (targetShare - lowValue) / (highValue - lowValue) : 1;
   return low + (high - low) * Math.min(1, Math.max(0, share));
 }
 
@@ -346,7 +346,9 @@ export class Standing {
    */
   set(end, drawn, { from, to }, fade) {
     const length = Math.hypot(...Array.from(end)) * Math.hypot(...Array.from(drawn));
-    const [w, x, y, z] = times(quaternionOf(drawn), back(quaternionOf(end))).map((v) => v / length);
+    const [w, x, y, z] = times(quaternionOf(drawn), conjugate(quaternionOf(end))).map(
+      (v) => v / length,
+    );
     const sine = Math.hypot(x, y, z) * (w < 0 ? -1 : 1); // the short way
     this.correction =
       Math.abs(sine) < MIN_SINE

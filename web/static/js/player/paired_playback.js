@@ -23,7 +23,7 @@ export class Pair extends Emitter {
     });
     this.syncing = false;
     this.turning = false; // while a camera is copied to the other players
-    this.told = "";
+    this.reportedText = "";
     for (const player of players) {
       player.on("outline", () => this.begin());
       player.on("camera", () => this.turned(player));
@@ -39,7 +39,7 @@ export class Pair extends Emitter {
   // Remove a fold that has no frames; the other one then plays alone.
   /** @param {Player} player */
   leave(player) {
-    this.players = this.players.filter((other) => other !== player);
+    this.players = this.players.filter((remaining) => remaining !== player);
     this.begin();
   }
 
@@ -48,7 +48,7 @@ export class Pair extends Emitter {
     const outlines = this.players.map(({ timeline }) => timeline.outline);
     if (
       !this.players.length ||
-      this.players.some(({ shown, timeline }) => !shown || !timeline.outline)
+      this.players.some(({ snapshot, timeline }) => !snapshot || !timeline.outline)
     )
       return;
     const first = this.phases.length === 0;
@@ -135,11 +135,12 @@ export class Pair extends Emitter {
   frameOf({ timeline }, frame) {
     const at = this.phaseAt(frame);
     const { phases } = timeline.outline;
-    const own = phases.find(({ name }) => name === at.name);
-    if (own)
+    const phase = phases.find(({ name }) => name === at.name);
+    if (phase)
       return (
-        own.from +
-        Math.min(1, (frame - at.from) / Math.max(1, at.to - 1 - at.from)) * (own.to - 1 - own.from)
+        phase.from +
+        Math.min(1, (frame - at.from) / Math.max(1, at.to - 1 - at.from)) *
+          (phase.to - 1 - phase.from)
       );
     const after = phases.find(
       ({ name }) => this.phases.findIndex((p) => p.name === name) > this.phases.indexOf(at),
@@ -191,8 +192,9 @@ export class Pair extends Emitter {
     this.turning = true;
     const { follow } = player.is;
     if (this.playhead.is.follow !== follow) this.send({ do: "set", follow });
-    for (const other of this.players)
-      if (other !== player) other.send({ do: "camera", camera: player.rig.at(player.shown) });
+    for (const follower of this.players)
+      if (follower !== player)
+        follower.send({ do: "camera", camera: player.rig.at(player.snapshot) });
     this.turning = false;
     this.tell("camera");
   }
@@ -211,11 +213,12 @@ export class Pair extends Emitter {
    * @param {number} frame
    */
   frameAt({ timeline }, frame) {
-    const own = timeline.outline.phases.find(({ to }) => frame < to);
-    const at = this.phases.find(({ name }) => name === own?.name);
-    if (!own || !at) return this.playhead.frame;
+    const phase = timeline.outline.phases.find(({ to }) => frame < to);
+    const at = this.phases.find(({ name }) => name === phase?.name);
+    if (!phase || !at) return this.playhead.frame;
     return (
-      at.from + ((frame - own.from) / Math.max(1, own.to - 1 - own.from)) * (at.to - 1 - at.from)
+      at.from +
+      ((frame - phase.from) / Math.max(1, phase.to - 1 - phase.from)) * (at.to - 1 - at.from)
     );
   }
 
@@ -228,9 +231,9 @@ export class Pair extends Emitter {
     this.syncing = false;
     const at = this.phaseAt(frame);
     const errors = this.players
-      .map(({ shown }) => shown && largestError(shown))
+      .map(({ snapshot }) => snapshot && largestError(snapshot))
       .filter((error) => error !== null);
-    const [{ shown: first, timeline }] = this.players;
+    const [{ snapshot: first, timeline }] = this.players;
     const state = {
       ...this.playhead.is,
       frame: this.playhead.frame,
@@ -243,8 +246,8 @@ export class Pair extends Emitter {
       pace: null,
     };
     const text = JSON.stringify(state);
-    if (text !== this.told) {
-      this.told = text;
+    if (text !== this.reportedText) {
+      this.reportedText = text;
       this.tell("state", state);
     }
     this.wake();

@@ -7,7 +7,7 @@
 import { picked } from "../viewer/camera.js";
 import { Sketch } from "../viewer/sketch.js";
 import { CameraRig, USUAL } from "./camera_rig.js";
-import { USUAL_COLOURING, colouring } from "./colours.js";
+import { USUAL_COLOURING, colouringFor } from "./colours.js";
 import { heldStill } from "./kinematics.js";
 import { PlayerState } from "./player_state.js";
 import { Recording, Timeline } from "./timeline.js";
@@ -43,8 +43,8 @@ export class Ticker {
     clearTimeout(this.pause);
     this.pause = undefined;
     this.due = true;
-    const left = soon ? 0 : this.pauseMs() - (performance.now() - this.tickedMs);
-    if (left > 0) this.pause = setTimeout(() => this.paint(), left);
+    const waitMs = soon ? 0 : this.pauseMs() - (performance.now() - this.tickedMs);
+    if (waitMs > 0) this.pause = setTimeout(() => this.paint(), waitMs);
     else this.paint();
   }
 
@@ -93,7 +93,7 @@ export class Player extends PlayerState {
     this.standIn = standIn;
     if (standIn) {
       standIn.busy = () => this.busy;
-      standIn.painted = () => this.tell("painted", this.shown?.frame);
+      standIn.painted = () => this.tell("painted", this.snapshot?.frame);
     }
     this.rig = new CameraRig(timeline, this.playhead, { aspect, calm });
     this.ticker = new Ticker((passed, now) => this.tick(passed, now), pauseMs);
@@ -103,7 +103,7 @@ export class Player extends PlayerState {
     /** @type {Command[]} */
     this.unheard = []; // messages that wait until a restarted timeline is loaded
     timeline.on("waiting", () => {
-      this.shown = null;
+      this.snapshot = null;
       this.tell("waiting");
     });
     timeline.on("begun", () => this.begin());
@@ -114,7 +114,7 @@ export class Player extends PlayerState {
     });
     timeline.on("loaded", () => {
       if (this.searchOn()) this.show();
-      if (this.shown && (!this.shown.exact || this.rig.approximate)) this.show(true);
+      if (this.snapshot && (!this.snapshot.exact || this.rig.approximate)) this.show(true);
     });
     if (timeline.chain) queueMicrotask(() => this.begin());
   }
@@ -179,16 +179,16 @@ export class Player extends PlayerState {
   // Turn, zoom, move or set the view. Moving it switches Follow off.
   /** @param {Command & { do: "orbit" | "camera" }} message */
   look(message) {
-    const { rig, shown, is } = this;
+    const { rig, snapshot, is } = this;
     if (message.do === "camera") {
       if (!message.camera) this.playhead.do({ do: "set", follow: true });
-      rig.go(message.camera ?? USUAL, shown, message.gently);
+      rig.go(message.camera ?? USUAL, snapshot, message.gently);
     } else {
       if (message.move && is.follow) {
         this.playhead.do({ do: "set", follow: false });
         rig.follow(false);
       }
-      rig.orbit(message, shown);
+      rig.orbit(message, snapshot);
     }
     this.show(true);
     this.ticker.wake(true);
@@ -219,17 +219,17 @@ export class Player extends PlayerState {
    * @param {Vector} direction
    */
   pick(origin, direction) {
-    if (!this.shown) return;
-    const module = picked(this.timeline.chain, this.shown, origin, direction);
+    if (!this.snapshot) return;
+    const module = picked(this.timeline.chain, this.snapshot, origin, direction);
     if (module === null && this.selected === null) return;
     this.send({ do: "select", module: module === this.selected ? null : module });
   }
 
   // Set the colouring of the modules; see colours.js.
-  /** @param {import("./colours.js").Colouring} chosen */
-  colourBy(chosen) {
-    this.colouring = chosen;
-    this.tell("colouring", chosen);
+  /** @param {import("./colours.js").Colouring} colouring */
+  colourBy(colouring) {
+    this.colouring = colouring;
+    this.tell("colouring", colouring);
     this.show(true);
   }
 
@@ -237,8 +237,10 @@ export class Player extends PlayerState {
 
   begin() {
     const { timeline } = this;
-    this.shown = this.search = null;
-    this.colourBy(colouring(this.colouring?.key ?? this.usual, timeline, this.colouring?.figures));
+    this.snapshot = this.search = null;
+    this.colourBy(
+      colouringFor(this.colouring?.key ?? this.usual, timeline, this.colouring?.figures),
+    );
     this.rig.begin();
     this.stage?.set(timeline.bundle);
     this.sketch?.set(timeline.bundle);
@@ -273,7 +275,7 @@ export class Player extends PlayerState {
    * @param {number} now
    */
   tick(passed, now) {
-    if (!this.timeline.chain || !this.shown) {
+    if (!this.timeline.chain || !this.snapshot) {
       this.ticker.rest();
       return;
     }
@@ -285,36 +287,36 @@ export class Player extends PlayerState {
     if (this.playhead.advance(passed, now)) this.show();
     const drawn = this.changed;
     this.changed = false;
-    const sank = this.stage?.bundle ? this.stage.moveGround(passed, this.shown) : false;
-    this.gliding = this.rig.glide(passed, this.shown) || sank;
+    const sank = this.stage?.bundle ? this.stage.moveGround(passed, this.snapshot) : false;
+    this.gliding = this.rig.glide(passed, this.snapshot) || sank;
     if (drawn || this.gliding) this.draw();
     if (this.busy) this.ticker.wake();
     else this.ticker.rest();
   }
 
   // Show the snapshot at the playhead.
-  show(again = false) {
+  show(redraw = false) {
     const { timeline } = this;
     if (!timeline.chain || !this.colouring) return;
     const { frame } = this.playhead;
-    const moved = !this.shown || this.shown.frame !== frame || !this.shown.exact;
-    if (moved || again) {
+    const moved = !this.snapshot || this.snapshot.frame !== frame || !this.snapshot.exact;
+    if (moved || redraw) {
       const snapshot = timeline.snapshot(frame);
       if (!snapshot) return;
-      const shown = (this.shown = heldStill(snapshot, this.turning?.held));
-      this.rig.turnToGroup(shown);
+      this.snapshot = heldStill(snapshot, this.turning?.held);
+      this.rig.turnToGroup(this.snapshot);
       this.aim();
       this.changed = true;
       if (this.selected !== null && moved) this.tell("module", this.module);
     }
-    if (this.shown) this.tellState(this.shown);
+    if (this.snapshot) this.tellState(this.snapshot);
     this.ticker.wake();
   }
 
   // Report the state. While the fallback renderer draws, report it at a readable rate only: every
   // change of text makes the page paint again.
-  /** @param {Snapshot} shown */
-  tellState(shown) {
+  /** @param {Snapshot} snapshot */
+  tellState(snapshot) {
     const {
       reported,
       playhead: {
@@ -331,7 +333,7 @@ export class Player extends PlayerState {
       frame < this.timeline.last
     )
       return;
-    const state = this.report(shown);
+    const state = this.report(snapshot);
     const text = JSON.stringify(state);
     this.reported = { text, atMs: now, playing };
     if (text !== reported.text) this.tell("state", state);
@@ -339,19 +341,19 @@ export class Player extends PlayerState {
 
   draw() {
     const {
-      shown,
+      snapshot,
       rig: { eye },
     } = this;
-    if (!shown || !eye) return;
+    if (!snapshot || !eye) return;
     const colours = this.colours();
-    if (this.standIn) this.standIn.draw(shown, colours, eye);
-    else this.sketch?.draw(shown, colours, eye, null);
-    this.tell("drawn", shown.frame);
+    if (this.standIn) this.standIn.draw(snapshot, colours, eye);
+    else this.sketch?.draw(snapshot, colours, eye, null);
+    this.tell("drawn", snapshot.frame);
   }
 
   aim() {
-    if (!this.shown) return;
-    this.rig.aim(this.shown);
+    if (!this.snapshot) return;
+    this.rig.aim(this.snapshot);
     this.gliding = true;
     this.ticker.wake();
   }

@@ -18,7 +18,7 @@ function nameOf({ rigid_links: rigid, hinge_names: names }, j) {
 }
 
 // Return the largest joint error of a moment; null if none is recorded.
-/** @param {Pick<Snapshot, "errors">} shown */
+/** @param {Pick<Snapshot, "errors">} snapshot */
 export function largestError({ errors }) {
   let largest = -1;
   for (const error of errors) if (Math.abs(error) > largest) largest = Math.abs(error);
@@ -54,7 +54,7 @@ export class PlayerState extends Emitter {
   /** @type {{ way: number, from: Row } | null} search for a change that continues in frames that are not loaded yet */
   search = null;
   /** @type {Snapshot | null} */
-  shown = null;
+  snapshot = null;
 
   /**
    * @param {import("./timeline.js").Timeline} timeline
@@ -131,26 +131,26 @@ export class PlayerState extends Emitter {
 
   // Return the state at the playhead: phase, error, progress of folding, pace.
   /**
-   * @param {Snapshot} shown
+   * @param {Snapshot} snapshot
    * @returns {State}
    */
-  report(shown) {
+  report(snapshot) {
     const { timeline, playhead } = this;
     return {
       ...playhead.is,
       frame: playhead.frame,
       frames: timeline.total,
       growing: timeline.growing,
-      time_s: shown.time_s,
-      phase: shown.phase,
-      error_rad: largestError(shown),
-      folded: Math.round(1000 * timeline.folded(shown)) / 1000,
-      pace: this.paceAt(shown),
+      time_s: snapshot.time_s,
+      phase: snapshot.phase,
+      error_rad: largestError(snapshot),
+      folded: Math.round(1000 * timeline.folded(snapshot)) / 1000,
+      pace: this.paceAt(snapshot),
     };
   }
 
   // Return the seconds of robot time per second of playback; null while no robot moves.
-  /** @param {Snapshot} shown */
+  /** @param {Snapshot} snapshot */
   paceAt({ low, phase, exact }) {
     const { timeline, playhead, story } = this;
     const { real, speed } = playhead.is;
@@ -176,8 +176,8 @@ export class PlayerState extends Emitter {
   // The selected module and its joint at the displayed moment.
   /** @returns {ModuleTold | { index: null }} */
   get module() {
-    const { timeline, shown, selected: index } = this;
-    if (index === null || !shown) return { index: null };
+    const { timeline, snapshot, selected: index } = this;
+    if (index === null || !snapshot) return { index: null };
     const { chain } = timeline;
     const first = (index - chain.rigid_links) * chain.hinges;
     const columns =
@@ -188,14 +188,14 @@ export class PlayerState extends Emitter {
     return {
       index,
       modules: chain.modules,
-      shown,
+      snapshot,
       cell: chain.cells ? [0, 1, 2].map((k) => Math.round(at[3 * index + k])) : null,
       joints: columns.map((j) => ({
         name: nameOf(chain, j),
         column: j,
-        angle_rad: shown.angle(j),
+        angle_rad: snapshot.angle(j),
         target_rad: timeline.foldedRad[j],
-        error_rad: Number.isNaN(shown.errors[j]) ? null : Math.abs(shown.errors[j]),
+        error_rad: Number.isNaN(snapshot.errors[j]) ? null : Math.abs(snapshot.errors[j]),
       })),
     };
   }
@@ -203,7 +203,7 @@ export class PlayerState extends Emitter {
   // Return the colours of all modules, including highlights of
   // the selected module, its neighbours and the marked modules.
   colours() {
-    if (!this.colouring || !this.shown) return new Uint8Array(0);
+    if (!this.colouring || !this.snapshot) return new Uint8Array(0);
     const { selected, turning } = this;
     const { selected: blue, stuck, unknown } = this.timeline.bundle.header.colours;
     const colours = turning
@@ -212,7 +212,7 @@ export class PlayerState extends Emitter {
           moving: blue,
           joint: stuck,
         })
-      : this.colouring.of(this.shown);
+      : this.colouring.of(this.snapshot);
     for (const module of this.marked)
       colours.set(this.markedAs === "selected" ? blue : stuck, 3 * module);
     if (selected === null) return colours;

@@ -191,16 +191,16 @@ export function after(timeline, frame, seconds) {
   const way = Math.sign(seconds);
   const end = way > 0 ? timeline.last : 0;
   let position = frame;
-  let left = Math.abs(seconds);
+  let remainingS = Math.abs(seconds);
   let length = 0; // duration of a frame, in seconds
-  while (left > 1e-9 && position !== end) {
+  while (remainingS > 1e-9 && position !== end) {
     const low = way > 0 ? Math.floor(position) : Math.ceil(position) - 1;
     const [a, b] = [timeline.row(low), timeline.row(low + 1)];
     if (a && b) length = b.time_s - a.time_s;
     else if (!length) return Math.min(Math.max(position + way, 0), timeline.last); // durations are unknown
     const share = way > 0 ? low + 1 - position : position - low; // fraction of this frame that is still ahead
-    if (share * length > left) return position + (way * left) / length;
-    left -= share * length;
+    if (share * length > remainingS) return position + (way * remainingS) / length;
+    remainingS -= share * length;
     position = way > 0 ? low + 1 : low;
   }
   return position;
@@ -218,9 +218,9 @@ export function after(timeline, frame, seconds) {
  */
 export function nextChange(timeline, frame, way, from = null) {
   const { last } = timeline;
-  const begin = way > 0 ? Math.floor(frame) : Math.ceil(frame);
-  const start = from ?? timeline.row(begin);
-  let k = from ? begin : begin + way;
+  const firstRow = way > 0 ? Math.floor(frame) : Math.ceil(frame);
+  const start = from ?? timeline.row(firstRow);
+  let k = from ? firstRow : firstRow + way;
   for (; start && k > 0 && k < last; k += way) {
     const row = timeline.row(k);
     if (!row) return { frame: k, from: start };

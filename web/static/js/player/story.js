@@ -47,7 +47,7 @@ export class Story {
     this.part = "before";
     this.looking = false; // true once the visitor has turned the view or selected a module
     this.waited = false; // true once the playhead has waited for new frames of the fold
-    this.rest = 0;
+    this.restS = 0;
     /** @type {string | undefined} */
     this.phase = undefined;
     this.pace = 0;
@@ -86,9 +86,9 @@ export class Story {
       this.end();
       return;
     }
-    const shown = this.waited || playhead.frame >= timeline.last - END;
-    if (shown && this.looking) playhead.is.playing = playhead.frame < timeline.last - END;
-    else if (shown && folding) {
+    const atEnd = this.waited || playhead.frame >= timeline.last - END;
+    if (atEnd && this.looking) playhead.is.playing = playhead.frame < timeline.last - END;
+    else if (atEnd && folding) {
       this.play("finale", folding.from);
       return;
     }
@@ -127,12 +127,12 @@ export class Story {
     if (!phase) return;
     if (phase.name !== this.phase) {
       if (phase.name === "playback") {
-        this.rest = REST_S;
+        this.restS = REST_S;
         this.pace = 0;
       }
       this.phase = phase.name;
     }
-    this.rest -= passed;
+    this.restS -= passed;
     const gap = timeline.last - frame;
     if (timeline.growing && phase.name === "playback" && gap < 1) this.waited = true;
     const share = 1 - Math.exp(-passed / SMOOTHING_S);
@@ -148,12 +148,12 @@ export class Story {
   wanted({ name, from, to }, gap) {
     const { timeline } = this;
     const pace = Math.max(MIN_FPS, (to - from) / (name === "playback" ? FOLD_S : EXPLOSION_S));
-    const most = timeline.windowed ? MAX_WINDOWED_FPS : Infinity;
-    return Math.min(pace, most, timeline.growing ? gap / SLOWING_S : Infinity);
+    const maxPace = timeline.windowed ? MAX_WINDOWED_FPS : Infinity;
+    return Math.min(pace, maxPace, timeline.growing ? gap / SLOWING_S : Infinity);
   }
 
   // Pace of the playhead; null while the story does not control it.
   get framesPerSecond() {
-    return this.telling ? (this.rest > 0 ? 0 : this.pace) : null;
+    return this.telling ? (this.restS > 0 ? 0 : this.pace) : null;
   }
 }

@@ -88,11 +88,11 @@ export class Source {
   // Return a decoded message; null while there is no data.
   /**
    * @template {Message<object, object>} Told
-   * @param {string} what
+   * @param {string} name
    * @returns {Promise<Told | null>}
    */
-  async get(what) {
-    const answer = await Source.fetch(`${this.under}/${what}`);
+  async get(name) {
+    const answer = await Source.fetch(`${this.under}/${name}`);
     if (answer.status === 204) return null;
     if (answer.status === DAMAGED) throw new DamagedError((await answer.json()).detail);
     if (!answer.ok) throw new RefusedError(answer);
@@ -459,15 +459,15 @@ export class Timeline extends Emitter {
     const poses = this.windowed
       ? this.kinematics.windowPoses(row)
       : this.kinematics.poses(row.angles, row.position, row.wxyz);
-    const shown = row;
+    const storedRow = row;
     return {
       frame: at,
       exact,
       low,
       time_s: time,
-      phase: this.outline.names[shown.phase],
-      angle: (j) => angleIn(shown, j),
-      errors: shown.errors,
+      phase: this.outline.names[storedRow.phase],
+      angle: (j) => angleIn(storedRow, j),
+      errors: storedRow.errors,
       framed: this.framed(poses),
       ...poses,
     };
@@ -496,8 +496,8 @@ export class Timeline extends Emitter {
     const [a, b] = [this.row(low), this.row(low + 1)];
     const speeds = new Float32Array(this.joints);
     if (!a || !b || a.phase !== b.phase || !(b.time_s > a.time_s)) return speeds.fill(NaN);
-    const [begin, end] = differing(a, b);
-    for (let j = begin; j < end; j++)
+    const [firstHinge, endHinge] = differing(a, b);
+    for (let j = firstHinge; j < endHinge; j++)
       speeds[j] = (angleIn(b, j) - angleIn(a, j)) / (b.time_s - a.time_s);
     return speeds;
   }

@@ -11,15 +11,15 @@ export class Flight {
   // With reduced motion (`calm`), a stop is shown without an animation.
   /**
    * @param {import("../player/player.js").Player} player
-   * @param {{ calm: boolean, page: Addressed, over: () => void, taken: () => void }} around
-   *   `over` is called after the reading time of a caption, `taken` when the visitor moves the playhead
+   * @param {{ calm: boolean, page: Addressed, over: () => void, interrupted: () => void }} around
+   *   `over` is called after the reading time of a caption, `interrupted` when the visitor moves the playhead
    */
-  constructor(player, { calm, page, over, taken }) {
+  constructor(player, { calm, page, over, interrupted }) {
     this.player = player;
     this.calm = calm;
     this.page = page;
     this.over = over;
-    this.taken = taken;
+    this.interrupted = interrupted;
     /** @type {{ from: number, to: number, begun: number, seconds: number, frame: number } | null} */
     this.way = null;
     /** @type {TourStop | null} */
@@ -81,7 +81,7 @@ export class Flight {
     const { way, player } = this;
     if (!way) return;
     if (player.is.playing || Math.abs(player.playhead.frame - way.frame) > SLACK) {
-      this.taken();
+      this.interrupted();
       return;
     }
     const share = (performance.now() - way.begun) / 1000 / way.seconds;

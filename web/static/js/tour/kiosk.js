@@ -22,7 +22,7 @@ export function idleSeconds(search) {
 export function exhibit({ player, calm, touring }) {
   const idleMs = 1000 * (idleSeconds(location.search) ?? USUAL_S);
   const box = get("tour-panel");
-  let held = false; // true while a visitor is active
+  let visitorActive = false; // true while a visitor is active
   let telling = false; // true while a fold without a tour plays
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer; // until the restart
@@ -34,17 +34,17 @@ export function exhibit({ player, calm, touring }) {
 
   async function begin() {
     clearTimeout(timer);
-    held = telling = false;
+    visitorActive = telling = false;
     for (const dialog of document.querySelectorAll("dialog")) dialog.close();
     player.send({ do: "select", module: null });
     player.send({ do: "set", speed: 1 });
-    const shown = await touring((panel) => {
+    const hasTour = await touring((panel) => {
       panel.onEnd = over;
       panel.open({ playing: true });
       return true;
     });
     tell("ready");
-    if (shown || held) return;
+    if (hasTour || visitorActive) return;
     player.send({ do: "seek", frame: calm ? player.timeline.last : 0 });
     if (calm) {
       timer = setTimeout(over, STILL_MS);
@@ -56,29 +56,29 @@ export function exhibit({ player, calm, touring }) {
 
   function over() {
     telling = false;
-    if (held) return;
+    if (visitorActive) return;
     tell("over");
     timer = setTimeout(begin, PAUSE_MS);
   }
 
   // Pause the tour after input of a visitor; restart it after the idle time.
   const touch = (/** @type {EventTarget | null} */ target) => {
-    held = true;
+    visitorActive = true;
     telling = false;
     if (!box.hidden && !(target instanceof Node && box.contains(target)))
       touring((panel) => panel.pause());
     tell("touched");
     clearTimeout(timer);
     timer = setTimeout(() => {
-      held = false;
+      visitorActive = false;
       over();
     }, idleMs);
   };
 
   for (const kind of INPUTS)
     addEventListener(kind, (event) => touch(event.target), { capture: true, passive: true });
-  player.on("camera", (/** @type {Command} */ { do: what }) => {
-    if (what === "orbit") touch(null);
+  player.on("camera", (/** @type {Command} */ { do: command }) => {
+    if (command === "orbit") touch(null);
   });
   player.on("state", (/** @type {State} */ { playing }) => {
     if (telling && !playing && player.playhead.frame >= player.timeline.last) over();

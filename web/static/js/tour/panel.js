@@ -32,14 +32,14 @@ export class TourPanel {
       calm,
       page: place.page,
       over: () => this.next(),
-      taken: () => this.pause(),
+      interrupted: () => this.pause(),
     });
     this.playing = false;
     this.onEnd = () => {}; // called after the last caption
     /** @type {{ view: AddressedView, reverse: boolean } | null} */
     this.before = null; // the view before the tour; null once the visitor has moved the camera
-    player.on("camera", (/** @type {Command} */ { do: what }) => {
-      if (what === "orbit") this.before = null;
+    player.on("camera", (/** @type {Command} */ { do: command }) => {
+      if (command === "orbit") this.before = null;
     });
     this.box = get("tour-panel");
     get("tour-edit").hidden = !id;

@@ -122,12 +122,12 @@ export class TourState {
   }
 
   undo() {
-    const [last, ...rest] = this.undone;
+    const [last, ...earlier] = this.undone;
     if (!last) return false;
     Object.assign(this, {
       tour: last.tour,
       at: Math.min(last.at, last.tour.stops.length - 1),
-      undone: rest,
+      undone: earlier,
     });
     return true;
   }

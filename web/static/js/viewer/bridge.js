@@ -46,16 +46,16 @@
   /** @type {CSSNumberish | null} */
   let latest = null;
   const { clear, drawElementsInstanced } = WebGL2RenderingContext.prototype;
-  WebGL2RenderingContext.prototype.clear = function (...given) {
+  WebGL2RenderingContext.prototype.clear = function (...args) {
     if (document.timeline.currentTime !== latest) {
       latest = document.timeline.currentTime;
       pictures++;
     }
-    return clear.apply(this, given);
+    return clear.apply(this, args);
   };
-  WebGL2RenderingContext.prototype.drawElementsInstanced = function (...given) {
+  WebGL2RenderingContext.prototype.drawElementsInstanced = function (...args) {
     missing = false;
-    return drawElementsInstanced.apply(this, given);
+    return drawElementsInstanced.apply(this, args);
   };
 
   // The client applies a message after the picture that it paints next, and stops painting a
@@ -151,15 +151,15 @@
 
   // Accept a single port, from the page around the frame only.
   /** @param {MessageEvent<{ scheme?: string } | null>} event */
-  function begin({ source, ports, data }) {
+  function connect({ source, ports, data }) {
     if (source !== parent || parent === window || ports.length !== 1) return;
-    removeEventListener("message", begin);
+    removeEventListener("message", connect);
     dress(data?.scheme);
     [port] = ports;
     port.onmessage = take;
     opened();
   }
-  addEventListener("message", begin);
+  addEventListener("message", connect);
 
   class Wire {
     /** @type {((event: MessageEvent) => void) | null} */

@@ -98,15 +98,15 @@ export function fewPoints(points, n = points.length / 3) {
     for (const [x, y, z] of WAYS) {
       let low = 0;
       let high = 0;
-      let [least, most] = [Infinity, -Infinity];
+      let [lowest, highest] = [Infinity, -Infinity];
       for (let i = 0; i < n; i++) {
         const along = x * points[3 * i] + y * points[3 * i + 1] + z * points[3 * i + 2];
-        if (along < least) {
-          least = along;
+        if (along < lowest) {
+          lowest = along;
           low = i;
         }
-        if (along > most) {
-          most = along;
+        if (along > highest) {
+          highest = along;
           high = i;
         }
       }
@@ -143,7 +143,7 @@ export function framing(
   let distance = radius;
   for (let round = 0; round < 3; round++) {
     // perspective shifts the middle; a few rounds centre the picture
-    const away = local.reduce((far, p) => {
+    const eyeDistance = local.reduce((far, p) => {
       const [x, y, z] = vector((k) => p[k] - middle[k]);
       return Math.max(
         far,
@@ -153,8 +153,9 @@ export function framing(
     }, 4 * radius);
     for (const k of [0, 1])
       middle[k] +=
-        midway(local.map((p) => (p[k] - middle[k]) / (away - (p[2] - middle[2])))) * away;
-    distance = away;
+        midway(local.map((p) => (p[k] - middle[k]) / (eyeDistance - (p[2] - middle[2])))) *
+        eyeDistance;
+    distance = eyeDistance;
   }
   const target = vector((c) => axes.reduce((sum, axis, k) => sum + middle[k] * axis[c], 0));
   return { target, azimuth, elevation, distance };
@@ -258,12 +259,12 @@ export function blended(views, weights, nearest) {
   const mean = (/** @type {(view: View) => number} */ value) =>
     views.reduce((sum, view, k) => sum + share[k] * value(view), 0);
   const target = vector((c) => mean((v) => v.target[c]));
-  const aside = Math.hypot(...target.map((v, k) => v - nearest.target[k]));
+  const offset = Math.hypot(...target.map((v, k) => v - nearest.target[k]));
   return {
     target,
     azimuth: nearest.azimuth + mean((v) => between(v.azimuth - nearest.azimuth)),
     elevation: nearest.elevation + mean((v) => v.elevation - nearest.elevation),
-    distance: Math.max(Math.exp(mean((v) => Math.log(v.distance))), nearest.distance + aside),
+    distance: Math.max(Math.exp(mean((v) => Math.log(v.distance))), nearest.distance + offset),
   };
 }
 
@@ -313,8 +314,8 @@ function sideOf(points, aspect, home) {
   const slim = 1 - Math.sqrt(Math.max(second, 0) / Math.max(longest, 1e-12));
   const weight = Math.min(1, Math.max(0, (slim - 0.4) / 0.4)) * Math.hypot(axis[0], axis[1]);
   const along = Math.atan2(axis[1], axis[0]);
-  const aside = ((aspect >= 1 ? 68 : 30) * Math.PI) / 180;
-  const turns = [-aside, aside, Math.PI - aside, Math.PI + aside].map((side) =>
+  const offset = ((aspect >= 1 ? 68 : 30) * Math.PI) / 180;
+  const turns = [-offset, offset, Math.PI - offset, Math.PI + offset].map((side) =>
     between(along + side - home),
   );
   return home + weight * turns.reduce((a, b) => (Math.abs(b) < Math.abs(a) ? b : a));
@@ -362,13 +363,13 @@ export function picked(hull, { positions, wxyzs }, origin, direction) {
   let nearest = Infinity;
   for (let i = 0; i < hull.modules; i++) {
     /** @type {Quaternion} */
-    const back = [wxyzs[4 * i], -wxyzs[4 * i + 1], -wxyzs[4 * i + 2], -wxyzs[4 * i + 3]];
-    const start = turned(back, [
+    const inverse = [wxyzs[4 * i], -wxyzs[4 * i + 1], -wxyzs[4 * i + 2], -wxyzs[4 * i + 3]];
+    const start = turned(inverse, [
       origin[0] - positions[3 * i],
       origin[1] - positions[3 * i + 1],
       origin[2] - positions[3 * i + 2],
     ]);
-    const way = turned(back, direction);
+    const way = turned(inverse, direction);
     let enter = -Infinity;
     let leave = Infinity;
     for (const [n, low, high] of spans) {

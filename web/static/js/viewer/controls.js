@@ -62,7 +62,7 @@ export function offerSides(player) {
   const menu = get("sides");
   menu.onchange = () => {
     const side = SIDES[menu.value];
-    const camera = side ? { azimuth: side[0], elevation: side[1], zoom: 1, aside: null } : null;
+    const camera = side ? { azimuth: side[0], elevation: side[1], zoom: 1, offset: null } : null;
     menu.value = "";
     player.send({ do: "camera", camera, gently: true });
   };
@@ -89,11 +89,11 @@ export function pathButton(stages) {
 
 // Show the legend of a colouring.
 /**
- * @param {import("../player/colours.js").Colouring} chosen
+ * @param {import("../player/colours.js").Colouring} colouring
  * @param {import("../player/timeline.js").Timeline} timeline
  */
-export function showScale(chosen, timeline) {
-  const { low, high, ramp, none } = chosen.legend();
+export function showScale(colouring, timeline) {
+  const { low, high, ramp, none } = colouring.legend();
   get("legend").hidden = false;
   get("legend").style.setProperty(
     "--unknown",

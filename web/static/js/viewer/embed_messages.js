@@ -49,22 +49,22 @@ export function answer({ player, timeline, open }) {
       frames: timeline.total,
       playing: player.is.playing,
     });
-  let begun = false;
-  const begin = () => {
-    if (!begun)
+  let started = false;
+  const start = () => {
+    if (!started)
       tell("ready", {
         name: document.title.replace(/ · foldback$/, ""),
         frames: timeline.total,
         modules: timeline.chain.modules,
       });
-    begun = true;
+    started = true;
     state();
   };
   tell("hello");
   player.on("state", () => {
-    if (begun) state();
+    if (started) state();
   });
-  player.on("begun", begin);
+  player.on("begun", start);
   timeline.on("damaged", (/** @type {string} */ message) => tell("error", { message }));
-  if (player.shown) begin();
+  if (player.snapshot) start();
 }

@@ -44,7 +44,7 @@ export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
  * @property {() => number | null} tightest returns the frame with the plan's smallest clearance
  * @property {Details | null} [details]
  * @property {boolean} [play]
- * @property {{ tour: () => Promise<Tour | null>, values: () => Promise<KeptValues | null>, steps: () => Promise<PlanStep[] | null>, id: string | null }} kept
+ * @property {{ tour: () => Promise<Tour | null>, values: () => Promise<KeptValues | null>, steps: () => Promise<PlanStep[] | null>, id: string | null }} extras
  *   tour, module values and steps of the fold; `id` is that of a fold that accepts new ones
  * @property {() => void} [onScroll] called if the page around an embed scrolls instead of a zoom
  */
@@ -60,7 +60,7 @@ export function view({
   over = true,
   details = null,
   play = !calm,
-  kept,
+  extras,
   onScroll,
 }) {
   // Embeds can hide the controls.
@@ -72,7 +72,7 @@ export function view({
   const frame = get("view");
   const shares = navigator.hardwareConcurrency <= MAX_SHARED_CORES;
   const pauseMs = () =>
-    shares && !timeline.over && (player.shown?.frame ?? 0) > 0 ? COMPUTING_PICTURE_MS : 0;
+    shares && !timeline.over && (player.snapshot?.frame ?? 0) > 0 ? COMPUTING_PICTURE_MS : 0;
   // The page draws the fold itself until the 3D view, which takes longer to start, takes over.
   /** @type {ReturnType<typeof playerOn>} */
   const { player, stage, sketch, standIn, hand } = playerOn(timeline, frame, get("sketch"), {
@@ -100,15 +100,15 @@ export function view({
     player,
     (name) => (name === "min_clearance" ? tightest() : null) ?? plots?.worst(name) ?? null,
   );
-  const own = later(async () => {
+  const ownPanel = later(async () => {
     const [{ OwnPanel }, values] = await Promise.all([
       import("../module_values/panel.js"),
-      kept.values(),
+      extras.values(),
     ]);
-    return new OwnPanel({ player, legend, values, id: kept.id });
+    return new OwnPanel({ player, legend, values, id: extras.id });
   }, toast);
-  const legend = new Legend(player, figures, (how) => own((panel) => panel[how]()));
-  takeFiles((file) => own((panel) => panel.take(file)));
+  const legend = new Legend(player, figures, (method) => ownPanel((panel) => panel[method]()));
+  takeFiles((file) => ownPanel((panel) => panel.take(file)));
   const panel =
     details &&
     new details.ModulePanel(get("panel-module"), player, figures, () =>
@@ -152,9 +152,9 @@ export function view({
 
   const touring = later(
     async () => {
-      const [{ TourPanel }, tour] = await Promise.all([import("../tour/panel.js"), kept.tour()]);
+      const [{ TourPanel }, tour] = await Promise.all([import("../tour/panel.js"), extras.tour()]);
       if (!tour?.stops) throw new Error("This fold has no tour yet.");
-      return new TourPanel({ player, place, calm, tour, id: kiosk ? null : kept.id });
+      return new TourPanel({ player, place, calm, tour, id: kiosk ? null : extras.id });
     },
     (text) => {
       if (!kiosk) toast(text);
@@ -162,7 +162,10 @@ export function view({
   );
   const open = offerTour(touring);
   const stepping = later(async () => {
-    const [{ StepsPanel }, steps] = await Promise.all([import("../panels/steps.js"), kept.steps()]);
+    const [{ StepsPanel }, steps] = await Promise.all([
+      import("../panels/steps.js"),
+      extras.steps(),
+    ]);
     if (!steps) throw new Error("This fold has no steps.");
     return new StepsPanel(player, steps, calm);
   }, toast);
@@ -171,16 +174,16 @@ export function view({
       if (steps.open) steps.close();
       else steps.begin();
     });
-  let begun = false;
+  let introduced = false;
   player.on("begun", () => {
-    if (begun) return;
-    begun = true;
+    if (introduced) return;
+    introduced = true;
     if (kiosk) {
       import("../tour/kiosk.js").then(({ exhibit }) => exhibit({ player, calm, touring }));
       return;
     }
-    const shown = place.go();
-    if (open() || shown || player.story.telling || !play) return;
+    const addressed = place.go();
+    if (open() || addressed || player.story.telling || !play) return;
     visible.then(() => {
       if (!place.acted) player.send({ do: "play" });
     }); // from the first frame that can be seen

@@ -109,8 +109,8 @@ export class Scene {
     this.eye = null; // camera of the visible picture
     this.losses = 0; // number of lost WebGL contexts
     this.asks = 0;
-    /** @type {Map<unknown, { what: "pass" | "paint", then: () => void }>} */
-    this.asked = new Map();
+    /** @type {Map<unknown, { event: "pass" | "paint", then: () => void }>} */
+    this.requests = new Map();
     frame.addEventListener("load", () => this.connect());
     addEventListener("themechange", () =>
       this.port?.postMessage({ do: "dress", scheme: scheme() }),
@@ -128,9 +128,9 @@ export class Scene {
     if (!this.bundle) return;
     const messages = staged(this.bundle.header.messages, this.bundle.arrays);
     const nodes = new Set(messages.filter(({ props }) => props).map(({ name }) => name));
-    const gone = [...this.nodes].filter((name) => !nodes.has(name));
+    const removed = [...this.nodes].filter((name) => !nodes.has(name));
     this.nodes = nodes;
-    this.apply([...gone.map((name) => removal(String(name))), ...messages]);
+    this.apply([...removed.map((name) => removal(String(name))), ...messages]);
   }
 
   /** @param {SceneMessage[]} messages */
@@ -146,12 +146,12 @@ export class Scene {
 
   // Call back after two animation frames ("pass") or when the scene is painted ("paint").
   /**
-   * @param {"pass" | "paint"} what
+   * @param {"pass" | "paint"} event
    * @param {() => void} then
    */
-  ask(what, then) {
-    this.asked.set(++this.asks, { what, then });
-    this.port?.postMessage({ do: what, id: this.asks });
+  ask(event, then) {
+    this.requests.set(++this.asks, { event, then });
+    this.port?.postMessage({ do: event, id: this.asks });
   }
 
   // Send the loaded client its end of a port. Its opaque origin cannot be named as the target, but
@@ -164,7 +164,7 @@ export class Scene {
     this.port = port1;
     port1.onmessage = ({ data }) => this.hear(data);
     this.frame.contentWindow?.postMessage({ scheme: scheme() }, "*", [port2]);
-    for (const [id, { what }] of this.asked) port1.postMessage({ do: what, id });
+    for (const [id, { event }] of this.requests) port1.postMessage({ do: event, id });
   }
 
   // Restart the client after a lost context, with exponential back-off.
@@ -221,8 +221,8 @@ export class Scene {
         this.reload();
         return;
       case "done": {
-        const request = this.asked.get(message.id);
-        this.asked.delete(message.id);
+        const request = this.requests.get(message.id);
+        this.requests.delete(message.id);
         request?.then();
       }
     }
@@ -260,7 +260,7 @@ export class Hand {
       return;
     }
     if (type === "pointerdown") {
-      for (const other of fingers.values()) other.drags = true;
+      for (const finger of fingers.values()) finger.drags = true;
       fingers.set(id, {
         x,
         y,

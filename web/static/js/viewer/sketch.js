@@ -40,7 +40,7 @@ function gradientOf(element) {
 }
 
 // Return the height of the ground, in pitches: just below the visible part of the chain.
-/** @param {Pick<Snapshot, "positions" | "framed">} shown */
+/** @param {Pick<Snapshot, "positions" | "framed">} snapshot */
 export function floorUnder({ positions, framed }) {
   let low = Infinity;
   for (let k = 2; k < 3 * framed; k += 3) low = Math.min(low, positions[k]);
@@ -97,10 +97,10 @@ export class Sketch {
 
   /**
    * @param {SketchTold} message
-   * @param {Transferable[]} given
+   * @param {Transferable[]} transfer
    */
-  tell(message, given = []) {
-    this.worker.postMessage(message, given);
+  tell(message, transfer = []) {
+    this.worker.postMessage(message, transfer);
   }
 
   // Move the background of the canvas into the drawing. An opaque canvas saves the browser the
@@ -134,27 +134,27 @@ export class Sketch {
   }
 
   /**
-   * @param {Snapshot} shown
+   * @param {Snapshot} snapshot
    * @param {Uint8Array} colours
    * @param {Eye} view
    * @param {number | null} ground
    */
-  draw(shown, colours, view, ground) {
-    const frame = this.frame(shown, colours, view, ground);
+  draw(snapshot, colours, view, ground) {
+    const frame = this.frame(snapshot, colours, view, ground);
     // A newer frame replaces a waiting one.
     if (this.waiting) this.next = frame;
     else this.post(frame);
   }
 
   /**
-   * @param {Snapshot} shown
+   * @param {Snapshot} snapshot
    * @param {Uint8Array} colours
    * @param {Eye} view
    * @param {number | null} ground
    * @returns {SketchFrame}
    */
-  frame(shown, colours, { position, target }, ground) {
-    const { positions, wxyzs, core = 0, rod = Infinity } = shown;
+  frame(snapshot, colours, { position, target }, ground) {
+    const { positions, wxyzs, core = 0, rod = Infinity } = snapshot;
     const [eye, at] = [position, target].map((place) => place.map((v) => v / this.pitch));
     return {
       positions,
@@ -162,7 +162,7 @@ export class Sketch {
       colours,
       eye,
       target: at,
-      floor: ground === null ? floorUnder(shown) : ground / this.pitch,
+      floor: ground === null ? floorUnder(snapshot) : ground / this.pitch,
       core,
       rod,
     };

@@ -15,7 +15,7 @@ const GAP = 0.6; // brightness of the gap
  * @typedef {{ positions: Floats, wxyzs: Floats, colours: Uint8Array, eye: Numbers, target: Numbers, floor: number, core: number, rod: number }} SketchFrame
  */
 /** @typedef {{ top: Colour, edge: Colour }} Wood colours of a table */
-/** @typedef {{ i: number, many: number, hidden: number, far: number }} Piece */
+/** @typedef {{ i: number, count: number, hidden: number, far: number }} Piece */
 /** @typedef {(x: number, y: number, z: number, at: number[]) => number} See writes the projection of a point to `at` and returns its depth */
 /**
  * Messages of the page.
@@ -38,7 +38,7 @@ let size = { width: 0, height: 0, scale: 1 };
 /** @type {Ground | null} */
 let ground = null;
 /** @type {OffscreenCanvas | null} */
-let back = null;
+let backdrop = null;
 /** @type {Drawn | null} */
 let outline = null;
 /** @type {SketchFrame | null} */
@@ -60,7 +60,7 @@ onmessage = (/** @type {MessageEvent<SketchTold>} */ { data }) => {
   } else if (data.is === "dress") {
     ({ wood } = data);
     if (ground && data.ground) ({ ground } = data);
-    back = null;
+    backdrop = null;
   } else if (data.is === "size") ({ size } = data);
   else latest = data.frame;
   ask(data.is === "frame");
@@ -69,15 +69,15 @@ onmessage = (/** @type {MessageEvent<SketchTold>} */ { data }) => {
 // Draw one frame as a PNG, on a separate canvas of any size, with or without background.
 /** @param {SketchTold & { is: "picture" }} request */
 async function picture(request) {
-  const own = { paper, pen, size, ground, back };
+  const previous = { paper, pen, size, ground, back: backdrop };
   ({ size, ground } = request);
   paper = new OffscreenCanvas(1, 1);
   pen = penOf(paper, !ground);
-  back = null;
+  backdrop = null;
   clear();
   if (outline) draw(outline, request.frame);
   const drawn = paper;
-  ({ paper, pen, size, ground, back } = own);
+  ({ paper, pen, size, ground, back: backdrop } = previous);
   postMessage(await drawn.convertToBlob({ type: "image/png" }));
 }
 
@@ -122,8 +122,9 @@ function clear() {
     pen.clearRect(0, 0, width, height);
     return;
   }
-  if (back?.width !== width || back.height !== height) back = painted(ground, width, height);
-  pen.drawImage(back, 0, 0);
+  if (backdrop?.width !== width || backdrop.height !== height)
+    backdrop = painted(ground, width, height);
+  pen.drawImage(backdrop, 0, 0);
 }
 
 /**
@@ -245,7 +246,7 @@ function draw(
     pen.stroke();
   };
   const r = new Float64Array(9);
-  for (const { i, many, hidden } of drawn) {
+  for (const { i, count, hidden } of drawn) {
     const [x, y, z] = [positions[3 * i], positions[3 * i + 1], positions[3 * i + 2]];
     turn(wxyzs, i, r);
     // The eye in the frame of the module determines the visible faces.
@@ -259,7 +260,7 @@ function draw(
     const place = (/** @type {number} */ grown, /** @type {number[][]} */ into) =>
       corners.forEach(([front, left, top], v) => {
         const [a, b, c] = [
-          front > 0 ? front * grown + many - 1 : front * grown,
+          front > 0 ? front * grown + count - 1 : front * grown,
           left * grown,
           top * grown,
         ];
@@ -276,7 +277,7 @@ function draw(
       const normal = normals[f];
       if (
         (hidden >> f) & 1 ||
-        dot(normal, local) <= reach[f] + (normal[0] > 0 ? normal[0] * (many - 1) : 0)
+        dot(normal, local) <= reach[f] + (normal[0] > 0 ? normal[0] * (count - 1) : 0)
       )
         continue;
       const [a, b, c] = normal;
@@ -301,16 +302,16 @@ function draw(
  */
 function slab({ height, thickness, outline: ring }, see, [eye, out]) {
   const fill = (/** @type {Vector[]} */ points) => {
-    const seen = inFront(points, eye, out);
+    const visible = inFront(points, eye, out);
     const at = [0, 0];
     pen.beginPath();
-    for (const [x, y, z] of seen) {
+    for (const [x, y, z] of visible) {
       see(x, y, z, at);
       pen.lineTo(at[0], at[1]);
     }
     pen.closePath();
-    if (seen.length > 2) pen.fill();
-    return seen.length > 2;
+    if (visible.length > 2) pen.fill();
+    return visible.length > 2;
   };
   const low = height - thickness;
   pen.fillStyle = pen.strokeStyle = `rgb(${wood.edge.join(" ")})`;
@@ -380,7 +381,7 @@ function piecesOf({ modules, faces, neighbours, rods, frame, see, zoom, radius, 
       at[1] < height + around
     );
   };
-  const seen = (/** @type {number} */ i) =>
+  const project = (/** @type {number} */ i) =>
     see(positions[3 * i], positions[3 * i + 1], positions[3 * i + 2], at);
   for (let i = 0, next; i < modules; i = next) {
     next = i + 1;
@@ -389,19 +390,19 @@ function piecesOf({ modules, faces, neighbours, rods, frame, see, zoom, radius, 
       for (let f = 0; f < faces.length; f++)
         if (neighbours[i * faces.length + f] < core) hidden |= 1 << f;
     if (hidden === all) continue;
-    const depth = seen(i);
+    const depth = project(i);
     if (!inside(depth)) continue;
     const [left, top] = at;
     if (i >= rod && depth > NEAREST) {
       while (
         next < modules &&
         alike(colours, i, next) &&
-        inside(seen(next)) &&
+        inside(project(next)) &&
         Math.hypot(at[0] - left, at[1] - top) < GROUPED_PX * size.scale
       )
         next++;
     }
-    pieces.push({ i, many: next - i, hidden, far: farOf(frame, (i + next - 1) >> 1) });
+    pieces.push({ i, count: next - i, hidden, far: farOf(frame, (i + next - 1) >> 1) });
   }
   return pieces;
 }
@@ -446,9 +447,9 @@ function shadow(drawn, { positions, floor }, see, width, height) {
   brush.fillStyle = "#000";
   const at = [0, 0];
   let [left, top, beyond, below] = [w, h, 0, 0];
-  for (const { i, many } of drawn) {
+  for (const { i, count } of drawn) {
     const k = 3 * i;
-    const e = 3 * (i + many - 1);
+    const e = 3 * (i + count - 1);
     const [x, y] = [
       Math.min(positions[k], positions[e]),
       Math.min(positions[k + 1], positions[e + 1]),

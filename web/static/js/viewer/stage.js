@@ -36,7 +36,7 @@ export class Stage extends Scene {
     this.through = false;
     /** @type {Int32Array | null} */
     this.buried = null;
-    this.away = false;
+    this.detached = false;
     /** @type {((shown: Snapshot) => Floats | null) | null} */
     this.pressed = null; // returns the contact forces on the table, if they are displayed
     addEventListener("themechange", () => this.dress());
@@ -69,7 +69,7 @@ export class Stage extends Scene {
   build() {
     super.build();
     this.sent = null;
-    this.away = false;
+    this.detached = false;
     this.dress();
     if (this.through) this.seeThrough(true);
     if (this.latest) this.draw(...this.latest);
@@ -99,8 +99,8 @@ export class Stage extends Scene {
       update("/modules", this.modules(snapshot, colours)),
       update("/ends", this.ends(snapshot)),
     ];
-    if (this.away) messages.push(...this.seen.map((name) => visibility(name, true)));
-    this.away = false;
+    if (this.detached) messages.push(...this.seen.map((name) => visibility(name, true)));
+    this.detached = false;
     if (this.through) messages.push(update("/path", { points: this.path(snapshot) }));
     if (this.table) messages.push(...this.pressing(snapshot, colours));
     else if (this.ground !== null) {
@@ -119,8 +119,8 @@ export class Stage extends Scene {
   // Hide the expensive nodes until the next `draw`, while the page's drawing covers the view:
   // viser's client still draws once a second.
   rest() {
-    if (this.away || !this.open) return;
-    this.away = true;
+    if (this.detached || !this.open) return;
+    this.detached = true;
     this.apply(this.seen.map((name) => visibility(name, false)));
   }
 

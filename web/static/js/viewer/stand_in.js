@@ -90,14 +90,14 @@ export class StandIn {
   }
 
   /**
-   * @param {Snapshot} shown
+   * @param {Snapshot} snapshot
    * @param {Uint8Array} colours
    * @param {Eye} eye
    */
-  draw(shown, colours, eye) {
+  draw(snapshot, colours, eye) {
     const { state, stage, times } = this;
     /** @type {Picture} */
-    const picture = [shown, colours, eye];
+    const picture = [snapshot, colours, eye];
     stage.eye = eye;
     if (state.is === "starting") this.drawBoth(state, picture);
     else if (times.slow && !stage.through) this.drawSketch(picture);

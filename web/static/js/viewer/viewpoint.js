@@ -27,19 +27,22 @@ const spread = (modules) => modules.filter((_, k) => k % Math.ceil(modules.lengt
  * @returns {[azimuth: number, elevation: number]}
  */
 export function clearestSight(positions, modules, [azimuth, elevation]) {
-  const few = spread(modules);
-  const own = new Set(modules);
+  const sample = spread(modules);
+  const targets = new Set(modules);
   /** @type {[azimuth: number, elevation: number]} */
   let best = [azimuth, elevation];
-  let least = Infinity;
+  let lowestCost = Infinity;
   for (let k = 0; k < TURNS; k++) {
     for (const rise of RISES) {
       const turn = azimuth + (Math.PI * (k % 2 ? -(k + 1) : k)) / TURNS;
       const way = outward(turn, rise);
-      const hidden = few.reduce((sum, module) => sum + before(positions, module, way, own), 0);
+      const hidden = sample.reduce(
+        (sum, module) => sum + before(positions, module, way, targets),
+        0,
+      );
       const cost = hidden + 0.02 * k + 0.1 * Math.abs(rise - elevation);
-      if (cost < least) {
-        least = cost;
+      if (cost < lowestCost) {
+        lowestCost = cost;
         best = [turn, rise];
       }
     }
@@ -52,12 +55,12 @@ export function clearestSight(positions, modules, [azimuth, elevation]) {
  * @param {Floats} positions
  * @param {number} module
  * @param {Vector} way
- * @param {Set<number>} own
+ * @param {Set<number>} targets
  */
-function before(positions, module, [x, y, z], own) {
+function before(positions, module, [x, y, z], targets) {
   const [a, b, c] = positions.subarray(3 * module, 3 * module + 3);
   for (let i = 0; i < positions.length / 3; i++) {
-    if (own.has(i)) continue;
+    if (targets.has(i)) continue;
     const [u, v, w] = [positions[3 * i] - a, positions[3 * i + 1] - b, positions[3 * i + 2] - c];
     const along = u * x + v * y + w * z;
     if (along > 0.5 && u * u + v * v + w * w - along * along < WIDE * WIDE) return 1;
