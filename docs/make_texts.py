@@ -40,7 +40,7 @@ JS_TOKEN = re.compile(
 )
 """Comments, strings and templates of a script; quotes inside a matched comment are skipped."""
 
-JS_CONCATENATION = re.compile(r"(?<=[^\\])([\"'])\s*\+\s*\1")
+JS_CONCATENATION = re.compile(r"(?<=[^\\])([\"'`])\s*\+\s*\1")
 JS_INSERTION = re.compile(r"\$\{((?:[^{}`]|`[^`]*`|\{[^{}]*\})*)\}", re.DOTALL)
 JINJA = re.compile(r"\{#.*?#\}|\{%.*?%\}|\{\{.*?\}\}", re.DOTALL)
 QUOTED = re.compile(r"\"([^\"]*)\"|'([^']*)'")
@@ -154,11 +154,12 @@ def in_html(source: str) -> Iterator[tuple[int, str]]:
 
 def in_script(source: str) -> Iterator[tuple[int, str]]:
     """Find the string literals and templates of a script, with literals joined by + as one."""
-    joined = JS_CONCATENATION.sub("", source)
+    joined = JS_CONCATENATION.sub(lambda join: "\0" * join[0].count("\n"), source)
     for token in JS_TOKEN.finditer(joined):
         if token[0].startswith(("//", "/*")):
             continue
-        line, words = joined.count("\n", 0, token.start()) + 1, token[0][1:-1]
+        line = sum(map(joined[: token.start()].count, "\n\0")) + 1
+        words = token[0][1:-1].replace("\0", "")
         if token[0].startswith("`"):
             for inserted in JS_INSERTION.finditer(words):
                 yield from ((line, inner) for _, inner in in_script(inserted[1]))

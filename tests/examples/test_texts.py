@@ -25,6 +25,11 @@ def test_reader_finds_texts_and_no_comments() -> None:
             assert not {"no", "Module.", "code here"} & responses
 
 
+def test_joined_literals_of_a_script_keep_the_lines_of_those_after_them() -> None:
+    source = 'f(`All ${n}` +\n  ` of them`);\nf("next");'
+    assert list(READERS[".js"](source)) == [(1, "All {…} of them"), (3, "next")]
+
+
 def test_texts_for_people_are_told_from_code() -> None:
     for words, expected in (
         ("the angles do not match the hinges", True),

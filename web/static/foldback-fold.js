@@ -10,6 +10,8 @@
    */
   const PATIENCE_MS = 5000;
   const MAX_TEXT = 300;
+  const ORIGINS_HINT =
+    ", and that the service allows this site to show its folds (FOLDBACK_EMBED_ORIGINS)";
   /**
    * Matches the paths of a service's fold pages; the
    * groups are the base path of the service and the id.
@@ -19,7 +21,9 @@
     :host { display: block; position: relative; aspect-ratio: 3 / 2; overflow: hidden; }
     :host([hidden]) { display: none; }
     iframe { display: block; width: 100%; height: 100%; border: 0; }
-    p { position: absolute; inset: 0; display: grid; place-content: center; margin: 0; padding: 16px; overflow: auto; text-align: center; overflow-wrap: anywhere; font: 16px/1.5 system-ui, sans-serif; color: CanvasText; background: Canvas; }
+    p { position: absolute; inset: 0; display: grid; place-content: center; margin: 0;
+      padding: 16px; overflow: auto; text-align: center; overflow-wrap: anywhere;
+      font: 16px/1.5 system-ui, sans-serif; color: CanvasText; background: Canvas; }
     p:empty { display: none; }`;
   // The page's dialogs need forms; the link to the fold page needs a new tab.
   const SANDBOX = "allow-scripts allow-forms allow-popups allow-popups-to-escape-sandbox";
@@ -37,7 +41,8 @@
     } catch {}
     if (!url || !src || !["http:", "https:", "file:"].includes(url.protocol)) {
       throw new Error(
-        `Got src="${src.slice(0, MAX_TEXT)}", expected the address of a fold's page or of a downloaded fold, such as "wrench.html".`,
+        `Got src="${src.slice(0, MAX_TEXT)}", expected the address of a fold's page or of a ` +
+          `downloaded fold, such as "wrench.html".`,
       );
     }
     const [, base, id] = FOLD_PATH.exec(url.pathname) ?? [];
@@ -136,7 +141,8 @@
         this.timer = setTimeout(
           () =>
             this.fail(
-              `No fold answers at ${url.origin === "null" ? "" : url.origin}${url.pathname}. Check the address${served ? ", and that the service allows this site to show its folds (FOLDBACK_EMBED_ORIGINS)" : ""}.`,
+              `No fold answers at ${url.origin === "null" ? "" : url.origin}${url.pathname}. ` +
+                `Check the address${served ? ORIGINS_HINT : ""}.`,
             ),
           PATIENCE_MS,
         );

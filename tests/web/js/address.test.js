@@ -66,7 +66,8 @@ test("invalid parts of a hash are ignored", () => {
 test("a view is read from a hash as it was written", () => {
   const { camera, named, ...fields } = viewIn(hashOf(FULL, "dark"));
   assert.ok(named);
-  assert.deepEqual({ ...fields, camera: FULL.camera, named: false, loop: true }, FULL); // a loop with ends loops
+  // A loop with ends loops.
+  assert.deepEqual({ ...fields, camera: FULL.camera, named: false, loop: true }, FULL);
   assert.equal(cameraText(camera), cameraText(FULL.camera));
   assert.ok(
     hashOf(FULL, "dark").endsWith("&colour=speed&path=1&follow=0&speed=2&play=1&theme=dark"),

@@ -81,7 +81,8 @@ test("a new key replaces the browser's own key only", () => {
   const replacement = newKey();
   assert.notEqual(replacement, firstKey);
   bring(replacement);
-  assert.deepEqual(keysHere(), [firstKey, OTHER, replacement]); // until it is known to hold the folds
+  // Until it is known to hold the folds.
+  assert.deepEqual(keysHere(), [firstKey, OTHER, replacement]);
   replaceOwn(replacement);
   assert.deepEqual(
     [keysHere(), tokenOf("mine"), tokenOf("theirs")],
@@ -172,7 +173,8 @@ test("the folds of several keys are listed together, newest first", async () => 
   const list = new FoldList(["mine", "theirs"], answer);
   const ids = async (count) => (await list.more(count)).map(({ fold, key }) => `${fold.id} ${key}`);
   assert.deepEqual(await ids(3), ["m9 mine", "t8 theirs", "t7 theirs"]);
-  assert.deepEqual([list.total, list.done, requests.length], [7, false, 2]); // no more requests than needed
+  // No more requests than needed.
+  assert.deepEqual([list.total, list.done, requests.length], [7, false, 2]);
   assert.deepEqual(await ids(9), ["t6 theirs", "m5 mine", "m4 mine", "m1 mine"]);
   assert.ok(list.done);
   assert.deepEqual(await ids(9), []);

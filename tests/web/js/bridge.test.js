@@ -1,5 +1,5 @@
-// The bridge runs before viser's client in its frame. Here the test stands for the page and the client,
-// and requests each picture.
+// The bridge runs before viser's client in its frame. Here the test stands for the page and the
+// client, and requests each picture.
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
@@ -58,7 +58,8 @@ async function paint() {
 }
 
 test("the client gets a camera one frame after the poses that it follows", async (t) => {
-  const { document: savedDocument, requestAnimationFrame: next } = globalThis; // other test files of this process use them
+  // Other test files of this process use them.
+  const { document: savedDocument, requestAnimationFrame: next } = globalThis;
   Object.assign(globalThis, {
     document: frameDocument,
     requestAnimationFrame: (draw) => waiting.push(draw),

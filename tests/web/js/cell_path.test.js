@@ -78,7 +78,8 @@ test("a path that the editor calls complete is one for the planner too", () => {
 });
 
 test("the editor says while you draw that a shape can have no path", () => {
-  const star = [key(5, 5), ...neighbours(key(5, 5), SIZE)]; // one cell of a colour, five of the other
+  // One cell of a colour, five of the other.
+  const star = [key(5, 5), ...neighbours(key(5, 5), SIZE)];
   const none = checked(painted(star));
   assert.equal(none.difference, 4);
   assert.match(pathText(none).text, /^No path yet\. No path visits all cells:/);
@@ -107,7 +108,8 @@ test("a path grows at its ends, removes its last cell, and closes a gap", () => 
     path: row(3).slice(1),
     atStart: true,
   });
-  assert.deepEqual(extended(drawn, key(0, 0), SIZE), { ...drawn, atStart: true }); // the other end is used
+  // The other end is used.
+  assert.deepEqual(extended(drawn, key(0, 0), SIZE), { ...drawn, atStart: true });
   assert.match(
     extended({ path: row(5), atStart: false }, key(0, 1), SIZE),
     /This is already cell 2 of the path/,

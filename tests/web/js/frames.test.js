@@ -167,7 +167,8 @@ for (const recording of vectors.shipped) {
 test("a tangled chain does not count as folded", () => {
   const goal = Float64Array.from([1, -1, 0, 1]);
   close([foldedness((j) => [1, -1, 0, 0][j], goal)], [2 / 3]);
-  close([foldedness((j) => [3, 1, 1, 0.5][j], goal)], [1.5 / 3]); // beyond is folded, the other sign is 0
+  // Beyond is folded, the other sign is 0.
+  close([foldedness((j) => [3, 1, 1, 0.5][j], goal)], [1.5 / 3]);
   assert.equal(
     foldedness((j) => -goal[j], goal),
     0,

@@ -178,7 +178,8 @@ test("a plan that is being smoothed is never called exploding", () => {
 });
 
 test("permission to notify is asked on a click only, and a hidden tab notifies once", async (t) => {
-  const { document: page, window: browser } = globalThis; // other test files of this process use them
+  // Other test files of this process use them.
+  const { document: page, window: browser } = globalThis;
   t.after(() =>
     Object.assign(globalThis, { document: page, window: browser, Notification: undefined }),
   );

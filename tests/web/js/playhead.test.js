@@ -23,7 +23,8 @@ test("the ends of a loop stay in the timeline and cannot cross", () => {
   assert.deepEqual(set({ to: 239 }), [null, null, true]); // it continues to loop, over all frames
   assert.deepEqual(head().set({ from: 0, to: 99_999_999 }), [null, null, false]);
   assert.deepEqual(head().set({ from: 99_999_999, to: 5 }), [null, 5, true]);
-  assert.deepEqual(head(10, true).set({ from: 50, to: 80 }), [50, 80, true]); // these frames may still arrive
+  // These frames may still arrive.
+  assert.deepEqual(head(10, true).set({ from: 50, to: 80 }), [50, 80, true]);
 });
 
 test("a loop starts inside its part and continues at its beginning", () => {

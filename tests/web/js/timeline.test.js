@@ -111,7 +111,8 @@ for (const kind of ["timeline", "peeled"]) {
         { atol: 6e-7 },
       );
       const expected = (await unpack(poses)).arrays;
-      close(snapshot.positions, expected.positions, { atol: kind === "peeled" ? 3e-5 : 3e-6 }); // roundings add up along a rod
+      // Roundings add up along a rod.
+      close(snapshot.positions, expected.positions, { atol: kind === "peeled" ? 3e-5 : 3e-6 });
       closeTurns(snapshot.wxyzs, expected.wxyzs, 1e-5);
       const perModule = timeline.perModule(snapshot.errors);
       assert.deepEqual(
@@ -148,7 +149,8 @@ test("hinge speeds follow from the changes of angles", async () => {
   );
   assert.ok(Math.max(...expected.map(Math.abs)) > 0.1);
   for (const frame of [120, 120.5]) close(timeline.speeds(frame), expected, { atol: 1e-5 });
-  const seam = timeline.outline.phases[1].from - 1; // an explosion's last frame and a playback's first
+  // An explosion's last frame and a playback's first.
+  const seam = timeline.outline.phases[1].from - 1;
   assert.ok(timeline.speeds(seam).every(Number.isNaN));
   const row = timeline.row(120);
   timeline.row = () => row; // no time passes
@@ -229,7 +231,8 @@ test("the bundle is fetched once, before the first frame", async ({ mock: { time
   await pass(timers, 100);
   timeline.stop();
   assert.ok(timeline.chain);
-  assert.deepEqual([before, bundles], [2, 2]); // at the first poll, and when it existed without frames
+  // At the first poll, and when it existed without frames.
+  assert.deepEqual([before, bundles], [2, 2]);
 });
 
 test("the bundle of a timeline without frames is not used for the one that replaces it", async ({
@@ -271,6 +274,7 @@ for (const [status, requests] of [
       timeline.stop();
     });
     while (!timeline.ended) await turnOfEvents();
-    assert.equal(requestsAtStart, requests); // frames spread over a timeline that grows would be outdated
+    // Frames spread over a timeline that grows would be outdated.
+    assert.equal(requestsAtStart, requests);
   });
 }

@@ -3,8 +3,10 @@
 
 /** @typedef {[number, number, number]} Vector */
 /**
- * @typedef {{ corners: Vector[], faces: Vector[], edges: Vector[], anchor: Vector, offset: Vector, turns: Vector[][],
- *   hinges: string[], rigid_links: number, apart: number, limit_rad: number }} Geometry a plan's description of a module
+ * @typedef {{ corners: Vector[], faces: Vector[], edges: Vector[], anchor: Vector, offset: Vector,
+ *   turns: Vector[][],
+ *   hinges: string[], rigid_links: number, apart: number, limit_rad: number }} Geometry a plan's
+ *   description of a module
  */
 
 const HALVES = [-0.5, 0.5],

@@ -1,8 +1,12 @@
-// Reads a file of NumPy arrays: a zip archive whose members are .npy files. Files come from strangers, and readers differ
-// in what they make of doubled names, gaps, odd types and the like; so a file with any of these is refused, as by
-// foldback_check.py. Sizes are compared with bounds before memory is used.
+// Reads a file of NumPy arrays: a zip archive whose members are .npy files. Files come from
+// strangers, and readers differ in what they make of doubled names, gaps, odd types and the like;
+// so a file with any of these is refused, as by foldback_check.py. Sizes are compared with bounds
+// before memory is used.
 
-/** @typedef {{ shape: number[], kind: string, columns: boolean, start: number }} Header `columns`: values are in the order of columns */
+/**
+ * @typedef {{ shape: number[], kind: string, columns: boolean, start: number }} Header `columns`:
+ *   values are in the order of columns
+ */
 
 /** Something that is no plan. */
 export class Unreadable extends Error {}
@@ -16,7 +20,10 @@ export function readable(condition, message) {
   if (!condition) throw new Unreadable(message);
 }
 
-/** Return a stranger's text in quotes: printable ASCII, everything else escaped, shortened. @param {unknown} value */
+/**
+ * Return a stranger's text in quotes: printable ASCII, everything else escaped, shortened.
+ * @param {unknown} value
+ */
 export function quoted(value) {
   const text = typeof value === "string" ? value : (JSON.stringify(value) ?? "nothing"),
     short = text.length > 60 ? `${text.slice(0, 57)}...` : text;
@@ -48,10 +55,14 @@ export const TYPES = {
   angles_rad: "f4",
   angle_planes: "u1",
 };
-/** @type {Record<string, new (buffer: ArrayBuffer) => Iterable<number | bigint> & { length: number }>} */
+/**
+ * @type {Record<string, new (buffer: ArrayBuffer) => Iterable<number | bigint> & {
+ *   length: number }>}
+ */
 const NUMBERS = { f8: Float64Array, f4: Float32Array, u1: Uint8Array, i8: BigInt64Array };
 const NAME = /^[A-Za-z0-9_]{1,64}\.npy$/;
 const HEADER =
+  // eslint-disable-next-line max-len -- a regular expression cannot be broken
   /^\{'descr': '[<|](f8|f4|i8|u1|U\d{1,9})', 'fortran_order': (False|True), 'shape': \((|\d{1,9},|\d{1,9}, \d{1,9})\), \} *\n$/;
 const CRC = Uint32Array.from({ length: 256 }, (_, n) => {
   for (let k = 0; k < 8; k++) n = n & 1 ? 0xedb88320 ^ (n >>> 1) : n >>> 1;
@@ -87,7 +98,10 @@ export class Archive {
         !short(end + 20),
       "this is no zip archive, or something follows it",
     );
-    /** @type {Map<string, { method: number, crc: number, size: number, packed: Uint8Array<ArrayBuffer> }>} */
+    /**
+     * @type {Map<string, { method: number, crc: number, size: number,
+     *   packed: Uint8Array<ArrayBuffer> }>}
+     */
     this.members = new Map();
     let at = long(end + 16),
       place = 0;
@@ -170,7 +184,11 @@ export class Archive {
     return bytes;
   }
 
-  /** Return the header of an array, which has a fair size. @param {string} name @returns {Promise<Header>} */
+  /**
+   * Return the header of an array, which has a fair size.
+   * @param {string} name
+   * @returns {Promise<Header>}
+   */
   async header(name) {
     const head = await this.unpacked(name, HEAD),
       { size } = this.member(name),

@@ -3,8 +3,14 @@ import { KNOWN, Module } from "./module.js";
 import { Archive, quoted, readable, TYPES, Unreadable } from "./npz.js";
 
 /** @typedef {import("./module.js").Geometry} Geometry */
-/** @typedef {{ modules: [number, number], frame: number, gap: number, fits: number }} Place gap, in widths of a module's cell, and largest size of modules that still fit */
-/** @typedef {{ verdict: string, limits: string, standard: boolean, module: string, start: string, end: string }} Said what was proved, and of what; the words are those of foldback_check.py */
+/**
+ * @typedef {{ modules: [number, number], frame: number, gap: number, fits: number }} Place gap, in
+ *   widths of a module's cell, and largest size of modules that still fit
+ */
+/**
+ * @typedef {{ verdict: string, limits: string, standard: boolean, module: string, start: string,
+ *   end: string }} Said what was proved, and of what; the words are those of foldback_check.py
+ */
 
 const FORMAT = "foldback-claim/1";
 const RULES = ["", "none", "consecutive modules (i, i+1)"]; // of exempt pairs, by `apart`
@@ -64,7 +70,8 @@ function numbers(value, ...lengths) {
     (value.length !== length && !(value.length > 0 && value.length <= -length))
   ) {
     throw new Unreadable(
-      `got ${quoted(value)}, expected a list of ${Math.abs(length)} parts${length < 0 ? " at most" : ""}`,
+      `got ${quoted(value)}, expected a list of ` +
+        `${Math.abs(length)} parts${length < 0 ? " at most" : ""}`,
     );
   }
   return value.map((part) => numbers(part, ...innerLengths));
@@ -102,7 +109,10 @@ function parsed(text) {
   return fields(root);
 }
 
-/** @type {(description: Record<string, any>) => Geometry} a module's description; lists and texts have a bounded length */
+/**
+ * @type {(description: Record<string, any>) => Geometry} a module's description; lists and texts
+ *   have a bounded length
+ */
 function geometry(description) {
   const { hinges } = description;
   readable(
@@ -126,7 +136,9 @@ function geometry(description) {
   };
 }
 
-/** @type {(values: Float64Array) => number} largest absolute value; Infinity if one is not a number */
+/**
+ * @type {(values: Float64Array) => number} largest absolute value; Infinity if one is not a number
+ */
 const widest = (values) =>
   values.reduce((largest, x) => Math.max(largest, Number.isNaN(x) ? Infinity : Math.abs(x)), 0);
 const degrees = (/** @type {number} */ angle) => `${Number((angle * (180 / Math.PI)).toFixed(4))}°`;
@@ -198,7 +210,8 @@ export class Plan {
     const chain = fields(description.chain),
       claim = (this.stated = fields(description.claim));
     require(claim.format ===
-      FORMAT, `its claim has the format ${quoted(claim.format)}, expected ${FORMAT}; another version of this checker may know it`);
+      FORMAT, `its claim has the format ${quoted(claim.format)}, expected ${FORMAT}; another ` +
+      `version of this checker may know it`);
     this.coded = description.angles;
     this.kind = chain.module;
     this.n = wholeNumber(chain.modules, 2, MAX_MODULES);
@@ -310,7 +323,8 @@ export class Plan {
     first.forEach((a, k) => {
       for (let h = a, at = offsets[k]; h < last[k]; h++, at++)
         values[at] = Math.fround((now[h] += values[at]) * STEP);
-      for (let h = 0; h < J; h++) if (h < a || h >= last[k]) now[h] = h < a ? foldedSteps[h] : 0; // value on entering the window
+      // Value on entering the window.
+      for (let h = 0; h < J; h++) if (h < a || h >= last[k]) now[h] = h < a ? foldedSteps[h] : 0;
     });
     return values;
   }
@@ -377,7 +391,8 @@ export class Plan {
       ),
       straight = bent.indexOf(0);
     const shape = (/** @type {number} */ k) =>
-      `${bent[k]} of ${folded.length} hinges are bent, by up to ${(widest(this.frame(k)) * (180 / Math.PI)).toFixed(1)} degrees`;
+      `${bent[k]} of ${folded.length} hinges are bent, by up to ` +
+      `${(widest(this.frame(k)) * (180 / Math.PI)).toFixed(1)} degrees`;
     const limits = [
       step === 0 || !bent[frames - 1] ? "nothing folds" : "",
       standard ? "" : "only for modules as the plan describes them, not foldback's",
@@ -391,9 +406,11 @@ export class Plan {
       standard: Boolean(standard),
       module: standard
         ? kind
-        : `${quoted(kind)} as the plan describes it, not one of foldback's: its corners are up to ${(100 * radius).toFixed(1)} % of the spacing from its centre`,
+        : `${quoted(kind)} as the plan describes it, not one of foldback's: its corners are up ` +
+          `to ${(100 * radius).toFixed(1)} % of the spacing from its centre`,
       start: bent[0]
-        ? `in another shape: ${shape(0)}; the chain is ${straight < 0 ? "never straight" : `straight after ${straight} of ${frames - 1} steps`}`
+        ? `in another shape: ${shape(0)}; the chain is ` +
+          `${straight < 0 ? "never straight" : `straight after ${straight} of ${frames - 1} steps`}`
         : "straight",
       end: bent[frames - 1] ? `folded: ${shape(frames - 1)}` : "straight",
     };

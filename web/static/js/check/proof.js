@@ -30,7 +30,8 @@ const BERNSTEIN = CHOOSE.map((row) =>
 /** Factor of S^p (L + r) in the interpolation error. */
 const REMAINDER = (2 / (4 ** ORDER * 120)) * (1 + 1e-9);
 const POSES = 12 * ORDER; // a module's centre and axes at all nodes
-const CROWD = 200; // pairs per moving module above which an interval is halved without checking them
+// Pairs per moving module above which an interval is halved without checking them.
+const CROWD = 200;
 const DEPTH = 14; // maximum number of halvings of an interval
 const PARALLEL = 1e-6; // edges with a shorter cross product give no axis
 
@@ -53,7 +54,10 @@ const coefficient = (row, values, o) =>
 export class Proof {
   M = new Float64Array(POSES); // poses of one module relative to another
   line = new Float64Array(POSES); // the same along an axis
-  /** @type {{ gap: number, axis: Vector, fits: number }} best separating axis, and largest module size that any axis separates */
+  /**
+   * @type {{ gap: number, axis: Vector, fits: number }} best separating axis, and largest module
+   *   size that any axis separates
+   */
   best = { gap: 0, axis: [0, 0, 0], fits: 0 };
   /** @type {Place | null} the tightest place so far */
   tightest = null;
@@ -83,7 +87,8 @@ export class Proof {
     this.S = new Float64Array(plan.n);
     this.straight = this.P.slice(0, 12 * plan.n).fill(0, 12); // poses of the straight chain
     for (let k = 1; k < plan.n; k++) m.next(this.straight, 12 * k - 12, 12 * k, still, 0);
-    this.behind = new Int32Array(plan.n).fill(plan.n); // for each module, the first one after a turning joint
+    // For each module, the first one after a turning joint.
+    this.behind = new Int32Array(plan.n).fill(plan.n);
     this.boxes = new Float64Array(6 * plan.n); // bounds of the centres: minimum and maximum corner
     this.q = this.step = new Float64Array();
   }
@@ -96,7 +101,8 @@ export class Proof {
     }
     if (this.largest > this.plan.step)
       throw new NotProved(
-        `a hinge turns by ${this.largest.toFixed(6)} rad between two frames, more than the plan states.`,
+        `a hinge turns by ${this.largest.toFixed(6)} rad between two frames, more than the plan ` +
+          `states.`,
       );
   }
 
@@ -144,7 +150,8 @@ export class Proof {
     };
     if (w <= 2 ** -DEPTH)
       throw new NotProved(
-        `no bound${unproved ? ` between ${pair(...unproved[0])}` : ""} at frame ${(this.k + t + 1).toFixed(5)}.`,
+        `no bound${unproved ? ` between ${pair(...unproved[0])}` : ""} at frame ` +
+          `${(this.k + t + 1).toFixed(5)}.`,
         open,
       );
     for (const start of [t, t + w / 2]) this.look(start, w / 2, unproved);
@@ -288,7 +295,8 @@ export class Proof {
         const spare = (Math.sqrt(gap) - reach) / length / 2;
         if (!(spare >= 0)) pairs.push([i, j]);
         slack = Math.min(slack, spare);
-        const leap = Math.max(Math.floor(spare), 1) || 1; // stop at multiples of powers of two, so that many i share the boxes of distant modules
+        // Stop at multiples of powers of two, so that many i share the boxes of distant modules.
+        const leap = Math.max(Math.floor(spare), 1) || 1;
         j += leap - ((j + leap) % powerIn(leap / 2));
       }
       if (pairs.length > CROWD * ((k ? end - c : n) + 10)) return null;

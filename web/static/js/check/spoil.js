@@ -14,7 +14,10 @@ const OFF = Math.PI / 180;
  * of the cells and shrinks wherever modules touch.
  */
 export class Largest {
-  /** @type {(Place & { size: number }) | null} pair of modules that reduced the size last, and the size at which they touch */
+  /**
+   * @type {(Place & { size: number }) | null} pair of modules that reduced the size last, and the
+   *   size at which they touch
+   */
   touch = null;
 
   /** @param {Plan} plan */

@@ -12,8 +12,10 @@ import { Largest, turnMore } from "./spoil.js";
  * @typedef {{ href: string, way: "claim" | "size" | "hinge", module: number | null }} Asked
  * @typedef {{ frames: number, modules: number, size: number, claim: number }} Claimed
  * @typedef {{ is: "progress", frame: number, frames: number, tightest: Place | null }} Progress
- * @typedef {{ is: "proved", plan: Claimed, said: Said, size: number, tightest: Place | null, touch: (Place & { size: number }) | null, joint: number, seconds: number }} Proved
- * @typedef {{ is: "refused", text: string, place: Place | null, frames: number, claim: number, joint: number }} Refused
+ * @typedef {{ is: "proved", plan: Claimed, said: Said, size: number, tightest: Place | null,
+ *   touch: (Place & { size: number }) | null, joint: number, seconds: number }} Proved
+ * @typedef {{ is: "refused", text: string, place: Place | null, frames: number, claim: number,
+ *   joint: number }} Refused
  */
 
 const TELL_MS = 60;

@@ -101,13 +101,17 @@ export function pathText({
   if (repeats.length) {
     const [first, second] = repeats[0];
     return {
-      text: `Cells ${first + 1} and ${second + 1} of the path are the same cell. A path visits each cell only once.`,
+      text:
+        `Cells ${first + 1} and ${second + 1} of the path are the same cell. A path visits ` +
+        `each cell only once.`,
       tone: "bad",
     };
   }
   if (gaps.length) {
     return {
-      text: `Cells ${gaps[0] + 1} and ${gaps[0] + 2} do not touch. Add cells between them, or cut the path there.`,
+      text:
+        `Cells ${gaps[0] + 1} and ${gaps[0] + 2} do not touch. Add cells between them, or ` +
+        `cut the path there.`,
       tone: "bad",
     };
   }
@@ -117,7 +121,10 @@ export function pathText({
   const so = length ? `The path visits ${length} of ${cells} cells.` : "No path yet.";
   if (difference > 1) {
     return {
-      text: `${so} No path visits all cells: a path alternates between the two colours of a chessboard, but one colour has ${difference} more cells than the other. Add or remove cells until the difference is at most 1.`,
+      text:
+        `${so} No path visits all cells: a path alternates between the two colours of a ` +
+        `chessboard, but one colour has ${difference} more cells than the other. Add or remove ` +
+        `cells until the difference is at most 1.`,
       tone: "bad",
     };
   }

@@ -76,7 +76,13 @@ export function visible(keys, size) {
   const wide = 2 * size + 1;
   const nearest = new Int32Array(2 * wide * wide).fill(-1);
   const owner = new Int32Array(2 * wide * wide);
-  /** @param {number} a @param {number} b @param {number} half @param {number} depth @param {number} face */
+  /**
+   * @param {number} a
+   * @param {number} b
+   * @param {number} half
+   * @param {number} depth
+   * @param {number} face
+   */
   const cover = (a, b, half, depth, face) => {
     const place = 2 * ((a + size) * wide + b + size) + half;
     if (depth > nearest[place]) {

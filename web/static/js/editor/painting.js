@@ -220,7 +220,10 @@ export class Draft {
     }
   }
 
-  /** @param {{ conversion?: Draft["conversion"], tool?: Draft["tool"], name?: string, givenName?: string }} changed */
+  /**
+   * @param {{ conversion?: Draft["conversion"], tool?: Draft["tool"], name?: string,
+   *   givenName?: string }} changed
+   */
   note(changed) {
     Object.assign(this, changed);
     const { conversion, tool, name, givenName } = this;

@@ -181,7 +181,9 @@ export function imported(cells, { ordered, least: minSize }) {
   const fits = SIZES.find((side) => Math.max(...extents) <= side);
   if (!fits)
     throw new Error(
-      `The shape measures ${extents.join("×")} cells, but the largest grid is ${LARGEST}×${LARGEST}×${LARGEST} cells. Use a smaller shape, or a shape with fewer and larger cells.`,
+      `The shape measures ${extents.join("×")} cells, but the largest grid is ` +
+        `${LARGEST}×${LARGEST}×${LARGEST} cells. Use a smaller shape, or a shape with fewer and ` +
+        `larger cells.`,
     );
   const size = Math.max(fits, minSize);
   const margin = extents.map((extent, axis) => (axis === 2 ? 0 : Math.floor((size - extent) / 2)));

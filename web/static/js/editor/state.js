@@ -93,7 +93,9 @@ export class Editor {
       path && cells
         ? pathText(path)
         : {
-            text: `${integerText(modules)} modules${tooFew ? `. A fold needs at least ${MIN_MODULES}.` : ""}`,
+            text:
+              `${integerText(modules)} modules` +
+              `${tooFew ? `. A fold needs at least ${MIN_MODULES}.` : ""}`,
             tone: /** @type {const} */ (""),
           };
     if (pieces > 1)
@@ -103,7 +105,9 @@ export class Editor {
       });
     if (large)
       Object.assign(words, {
-        text: `The shape needs ${integerText(modules)} modules, but the limit is ${integerText(maxModules)}. Paint fewer cells.`,
+        text:
+          `The shape needs ${integerText(modules)} modules, but the limit is ` +
+          `${integerText(maxModules)}. Paint fewer cells.`,
         tone: "bad",
       });
     const visited = Boolean(path?.complete);
@@ -115,7 +119,8 @@ export class Editor {
       limit:
         large || !cells
           ? ""
-          : `${path ? `${integerText(modules)} modules. ` : ""}Limit: ${integerText(maxModules)} modules.`,
+          : `${path ? `${integerText(modules)} modules. ` : ""}Limit: ` +
+            `${integerText(maxModules)} modules.`,
       completable: cells > 0 && !visited && !large,
       ready: cells > 0 && !large && (path ? visited : pieces === 1 && !tooFew),
     };

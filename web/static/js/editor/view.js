@@ -150,14 +150,24 @@ export class Sheet {
         const under = cells[key + below] === 1;
         const index = place.get(key);
         const missing = drawn && on && index === undefined;
-        const classes = `${on ? "on" : ""}${under ? " below" : ""}${missing ? " missing" : ""}${next.has(key) ? " next" : ""}${key === corner ? " corner" : ""}`;
+        const classes = Object.entries({
+          on,
+          below: under,
+          missing,
+          next: next.has(key),
+          corner: key === corner,
+        })
+          .flatMap(([name, applies]) => (applies ? [name] : []))
+          .join(" ");
         const step =
           index === undefined
             ? missing
               ? ", not on the path"
               : ""
             : `, cell ${index + 1} of the path`;
-        const label = `Row ${x + 1}, column ${y + 1}, ${on ? "filled" : "empty"}${under ? ", cell below filled" : ""}${step}`;
+        const label =
+          `Row ${x + 1}, column ${y + 1}, ${on ? "filled" : "empty"}` +
+          `${under ? ", cell below filled" : ""}${step}`;
         if (square.className !== classes) square.className = classes;
         if (square.ariaLabel !== label) square.ariaLabel = label;
         if (square.ariaSelected !== String(on)) square.ariaSelected = String(on);

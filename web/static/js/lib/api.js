@@ -45,7 +45,8 @@ export const refusalWords = ({ message, detail }, status) =>
   sentence(
     message ??
       detail ??
-      `The request failed: the server answered with status ${status}.${status === BUSY || status >= 500 ? " Try again later." : ""}`,
+      `The request failed: the server answered with status ` +
+        `${status}.${status === BUSY || status >= 500 ? " Try again later." : ""}`,
   );
 
 // Return the JSON of an answer; other content becomes {}, because proxies send their own pages.
@@ -81,7 +82,8 @@ export function formOf(fields) {
 /**
  * @template Answer
  * @param {string} path
- * @param {{ method?: string, body?: FormData | object | null, token?: string | null, signal?: AbortSignal }} request
+ * @param {{ method?: string, body?: FormData | object | null, token?: string | null,
+ *   signal?: AbortSignal }} request
  * @returns {Promise<Answer>}
  * @throws {Refusal}
  */

@@ -10,7 +10,8 @@ const TYPES = {
 };
 
 /**
- * @template {Message<object, Record<string, Column>>} [Told=Message<Record<string, unknown>, Record<string, Column>>]
+ * @template {Message<object, Record<string, Column>>} [Told=Message<Record<string, unknown>,
+ *   Record<string, Column>>]
  * @param {ArrayBuffer} buffer
  * @returns {Promise<Told>}
  */

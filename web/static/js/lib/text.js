@@ -12,7 +12,8 @@ export const STAGES = {
 export const integerText = (value) =>
   Math.round(value).toLocaleString("en").replaceAll(",", "\u2009");
 
-// A share as a whole percentage, as in words/likeness.py: one above 0 is never 0 %, one below 1 never 100 %.
+// A share as a whole percentage, as in words/likeness.py: one above 0 is never 0 %, one below 1
+// never 100 %.
 /** @param {number} share */
 export function percent(share) {
   if (share > 0 && share < 0.01) return "less than 1\u00a0%";
@@ -25,7 +26,8 @@ const SI_PREFIXES = { [-12]: "p", [-9]: "n", [-6]: "µ", [-3]: "m", 0: "", 3: "k
 const [MIN_POWER, MAX_POWER] = [-12, 3];
 const DIGITS = 2;
 const WHOLE_BELOW = 1e6;
-const COARSE_S = 10; // rounding of times that include compiling the kernels, so that they do not change every second
+// Rounding of times that include compiling the kernels, so that they do not change every second.
+const COARSE_S = 10;
 
 // Return a quantity with an SI prefix: 34 µN·m, 0 rad, < 1 pN·m.
 /**
@@ -41,7 +43,8 @@ export function si(value, unit, digits = DIGITS) {
     .map(Number);
   const power = Math.min(3 * Math.floor(exponent / 3), MAX_POWER);
   if (power < MIN_POWER) return `< 1 ${SI_PREFIXES[MIN_POWER]}${unit}`;
-  return `${value < 0 ? "−" : ""}${Number(`${mantissa}e${exponent - power}`)} ${SI_PREFIXES[power]}${unit}`;
+  const scaled = Number(`${mantissa}e${exponent - power}`);
+  return `${value < 0 ? "−" : ""}${scaled} ${SI_PREFIXES[power]}${unit}`;
 }
 
 // Return a number with some significant digits, as `number`
@@ -60,7 +63,8 @@ export function number(value, digits = DIGITS) {
   if (value === 0 || (exponent >= -4 && exponent < digits))
     return String(Number(value.toPrecision(digits)));
   if (value >= 1 && value < WHOLE_BELOW) return String(Math.round(value));
-  return `${mantissa}×10${String(exponent).replace(/./g, (c) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)])}`;
+  const raised = Array.from(String(exponent), (c) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]);
+  return `${mantissa}×10${raised.join("")}`;
 }
 
 /** @param {number} value */
@@ -162,7 +166,10 @@ export function svg(name, attributes = {}, ...children) {
   return node;
 }
 
-/** @typedef {"localStorage" | "sessionStorage"} StorageArea of the browser, or of the tab until it is closed */
+/**
+ * @typedef {"localStorage" | "sessionStorage"} StorageArea of the browser, or of the tab until it
+ *   is closed
+ */
 
 // Return the stored value of a name; null if there is none or storage is refused.
 /**

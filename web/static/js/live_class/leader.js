@@ -7,7 +7,8 @@ import { hashOf } from "../player/address.js";
 const SEND_MS = 100; // between two updates
 export const MAX_TRIES = 6; // for reconnecting to a class, of leaders and followers
 export const RETRY_MS = 500; // before the first try; each pause is twice as long as the one before
-const ENDED = [1000, 1008]; // close codes with which the service ends a class; any other means a lost connection
+// Close codes with which the service ends a class; any other means a lost connection.
+const ENDED = [1000, 1008];
 const STYLE = "/static/css/live_class.css";
 
 // Return a view as the text that is sent to followers.

@@ -63,7 +63,8 @@ export class OwnPanel {
     try {
       if (file.size > MAX_FILE_BYTES)
         throw new Error(
-          `This file is ${Math.ceil(file.size / 2 ** 20)} MB. The limit is ${MAX_FILE_BYTES / 2 ** 20} MB. Use fewer digits or frames.`,
+          `This file is ${Math.ceil(file.size / 2 ** 20)} MB. The limit is ` +
+            `${MAX_FILE_BYTES / 2 ** 20} MB. Use fewer digits or frames.`,
         );
       const frames = timeline.growing ? 0 : timeline.total;
       this.ownValues = readValues(await file.text(), file.name, {
@@ -123,8 +124,11 @@ export class OwnPanel {
         ? ` Only ${keptRows(ownValues)} of these rows, evenly spaced, can be saved with the fold.`
         : "";
     get("own-words").textContent = ownValues
-      ? `${ownValues.name}${ownValues.unit && ` (${ownValues.unit})`}: ${counts}. ${audience}${fewer}`
-      : `Colour the modules by your own numbers: drop a CSV or JSON file here, or choose one. The file must contain ${chain.modules} numbers, one for each module${rows}. The file stays in this browser.`;
+      ? `${ownValues.name}${ownValues.unit && ` (${ownValues.unit})`}: ${counts}. ` +
+        `${audience}${fewer}`
+      : `Colour the modules by your own numbers: drop a CSV or JSON file here, or choose one. ` +
+        `The file must contain ${chain.modules} numbers, one for each module${rows}. The file ` +
+        `stays in this browser.`;
     get("own-keep").hidden = !ownValues || saved || !token;
     get("own-remove").hidden = !ownValues || (saved && !token);
   }

@@ -21,7 +21,8 @@ const NAMED = /^(.*?)\s*[([]([^()[\]]{1,20})[)\]]$/; // Temperature (°C)
  * @property {number} low
  * @property {number} high
  * @typedef {{ modules: number, frames: number }} Counts frames are 0 while their number is unknown
- * @typedef {{ rows: number[][], header: string[], places: number[] }} Cells `places` are the lines of the rows
+ * @typedef {{ rows: number[][], header: string[], places: number[] }} Cells `places` are the lines
+ *   of the rows
  */
 
 // Parse a text into rows of numbers and a header.
@@ -75,7 +76,8 @@ function cellsOf(text) {
     }
     if (wrong >= 0) {
       const error = new Error(
-        `Line ${k + 1}: "${cells[wrong].slice(0, 40)}" is not a number. Leave the field empty if a value is missing.`,
+        `Line ${k + 1}: "${cells[wrong].slice(0, 40)}" is not a number. Leave the field empty if ` +
+          `a value is missing.`,
       );
       if (table.rows.length) throw error;
       unread ??= error;
@@ -107,19 +109,22 @@ function jsonOf(text) {
   const { values } = data;
   if (data.format !== FORMAT && !Array.isArray(values))
     throw new Error(
-      'This JSON file has no list of numbers. Use a list, or an object with "values", "name" and "unit".',
+      'This JSON file has no list of numbers. Use a list, or an object with "values", "name" and ' +
+        '"unit".',
     );
   const rows = (Array.isArray(values) ? (Array.isArray(values[0]) ? values : [values]) : []).map(
     (row, k) => {
       if (!Array.isArray(row))
         throw new Error(
-          `Value ${k + 1}: ${JSON.stringify(row)?.slice(0, 40)} is not a list of numbers, but the first value is a list.`,
+          `Value ${k + 1}: ${JSON.stringify(row)?.slice(0, 40)} is not a list of numbers, but ` +
+            `the first value is a list.`,
         );
       return row.map((/** @type {unknown} */ value, /** @type {number} */ i) => {
         if (typeof value === "number") return value;
         if (value === null || (typeof value === "string" && NOTHING.test(value))) return NaN;
         throw new Error(
-          `Value ${i + 1}: ${JSON.stringify(value).slice(0, 40)} is not a number. Use null if a value is missing.`,
+          `Value ${i + 1}: ${JSON.stringify(value).slice(0, 40)} is not a number. Use null if a ` +
+            `value is missing.`,
         );
       });
     },
@@ -148,11 +153,13 @@ function byNumber({ rows, places }, modules) {
   rows.forEach(([module, value], k) => {
     if (!Number.isInteger(module) || module < from || module >= modules + from)
       throw new Error(
-        `Line ${places[k]}: there is no module ${module}. Module numbers go from ${from} to ${modules + from - 1}.`,
+        `Line ${places[k]}: there is no module ${module}. Module numbers go from ${from} to ` +
+          `${modules + from - 1}.`,
       );
     if (listed.has(module))
       throw new Error(
-        `Line ${places[k]}: module ${module} appears twice. List each module once. If your numbers have decimal commas, replace these commas with points.`,
+        `Line ${places[k]}: module ${module} appears twice. List each module once. If your ` +
+          `numbers have decimal commas, replace these commas with points.`,
       );
     listed.add(module);
     row[module - from] = value;
@@ -171,7 +178,8 @@ function arranged(cells, { modules, frames }) {
   const odd = rows.findIndex((row) => row.length !== width);
   if (odd >= 0)
     throw new Error(
-      `Line ${cells.places[odd]}: this line has ${rows[odd].length} values, but the lines before it have ${width}.`,
+      `Line ${cells.places[odd]}: this line has ${rows[odd].length} values, but the lines before ` +
+        `it have ${width}.`,
     );
   if (![1, modules, frames].includes(width) && rows.every((row) => Number.isNaN(row.at(-1))))
     rows = rows.map((row) => row.slice(0, -1));
@@ -195,7 +203,9 @@ function arranged(cells, { modules, frames }) {
     ? `, or ${frames} rows of ${modules} numbers, one row for each frame`
     : "";
   throw new Error(
-    `This file has ${rows.length} ${rows.length === 1 ? "row" : "rows"} with ${width} ${width === 1 ? "number" : "numbers"} each. This fold needs ${modules} numbers, one for each module${perFrame}. Check that the file belongs to this fold.`,
+    `This file has ${rows.length} ${rows.length === 1 ? "row" : "rows"} with ` +
+      `${width} ${width === 1 ? "number" : "numbers"} each. This fold needs ${modules} numbers, ` +
+      `one for each module${perFrame}. Check that the file belongs to this fold.`,
   );
 }
 

@@ -96,7 +96,9 @@ function check(ready) {
           knot?.verdict === "knotted"
             ? { text: "The path is knotted, so the chain cannot be pulled straight.", tone: "bad" }
             : {
-                text: `Computing the fold takes ${wholeTime(s, compilation) ?? `${duration(s)}, once the folding software is ready`}.`,
+                text: `Computing the fold takes ${
+                  wholeTime(s, compilation) ?? `${duration(s)}, once the folding software is ready`
+                }.`,
                 tone: "",
               },
         (error) => ({ text: wordsOf(error), tone: "bad" }),
@@ -182,7 +184,8 @@ get("complete").onclick = async () => {
   else if (completed) editor.step(() => editor.follow(completed));
   else
     editor.refused =
-      "No path was found from this end through the remaining cells. Draw from the other end, or cut the path and try again.";
+      "No path was found from this end through the remaining cells. Draw from the other end, or " +
+      "cut the path and try again.";
   show();
 };
 for (const input of exact)
@@ -267,7 +270,10 @@ get("save-path").onclick = () =>
   );
 
 // Send the shape. `ask` sends the file, reports a refusal, and returns true if the page is left.
-/** @param {(form: { file: File }, exchange: typeof import("../editor/exchange.js")) => Promise<boolean>} ask */
+/**
+ * @param {(form: { file: File }, exchange: typeof
+ *   import("../editor/exchange.js")) => Promise<boolean>} ask
+ */
 async function send(ask) {
   const {
     name,

@@ -67,7 +67,8 @@ if (rename) {
       if (
         !(await confirmed(
           `Delete “${facts.name}”?`,
-          "This permanently deletes the fold, its plan and its movies. The link will stop working for everyone.",
+          "This permanently deletes the fold, its plan and its movies. The link will stop " +
+            "working for everyone.",
           "Delete",
         ))
       )
@@ -78,7 +79,8 @@ if (rename) {
   };
   rename.hidden = !token;
   rename.onclick = () => {
-    get("ways-list").hidePopover(); // first, so that the dialog gives the focus back to the menu's button
+    // First, so that the dialog gives the focus back to the menu's button.
+    get("ways-list").hidePopover();
     dialogs(({ renamed }) =>
       renamed(get("name").textContent, async (name) => {
         /** @type {Api.Fold} */
@@ -102,7 +104,8 @@ get("smooth").onclick = () =>
     if (
       !(await confirmed(
         "Smooth this fold?",
-        "foldback computes a shorter and quieter motion for the same shape. It becomes a fold of its own, beside this one, and you can compare both.",
+        "foldback computes a shorter and quieter motion for the same shape. It becomes a fold of " +
+          "its own, beside this one, and you can compare both.",
         "Smooth",
       ))
     )

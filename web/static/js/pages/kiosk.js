@@ -104,7 +104,8 @@ const full = get("full-screen");
 const offer = () => {
   full.hidden = !document.fullscreenEnabled || document.fullscreenElement !== null;
 };
-full.onclick = () => document.documentElement.requestFullscreen().catch(() => {}); // the browser may refuse
+// The browser may refuse.
+full.onclick = () => document.documentElement.requestFullscreen().catch(() => {});
 addEventListener("fullscreenchange", offer);
 offer();
 next();

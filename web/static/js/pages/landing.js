@@ -88,13 +88,13 @@ const send = (file, asVoxels = false) =>
       const straight =
         (report.kind === "path" || report.kind === "chain") && report.knot?.verdict !== "knotted";
       if (straight) await start({ preview: report.id }, file.name);
-      else
-        location.href = at(
-          `${report.links.page}?${new URLSearchParams({ ...(asVoxels && { as_voxels: "true" }), ...presetAndSeed() })}`.replace(
-            /\?$/,
-            "",
-          ),
-        );
+      else {
+        const query = new URLSearchParams({
+          ...(asVoxels && { as_voxels: "true" }),
+          ...presetAndSeed(),
+        });
+        location.href = at(report.links.page + (query.size ? `?${query}` : ""));
+      }
     } catch (error) {
       const words = wordsOf(error);
       if (words !== STOPPED) say(words, "bad");
@@ -143,7 +143,8 @@ addEventListener("dragover", (event) => {
   event.preventDefault();
   drop.classList.add("over");
 });
-addEventListener("pointermove", () => drop.classList.remove("over")); // there are no pointer moves during a drag
+// There are no pointer moves during a drag.
+addEventListener("pointermove", () => drop.classList.remove("over"));
 addEventListener("drop", (event) => {
   event.preventDefault();
   drop.classList.remove("over");

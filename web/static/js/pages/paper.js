@@ -145,7 +145,8 @@ function opened(figure) {
   if (showing?.figure === figure) return showing;
   showing?.close();
   showing = new Showing(figure);
-  window.foldback = { timeline: showing.players[0].timeline, player: showing.players[0], showing }; // for the console
+  // For the console.
+  window.foldback = { timeline: showing.players[0].timeline, player: showing.players[0], showing };
   return showing;
 }
 

@@ -109,8 +109,8 @@ function reported(fields, signal) {
   });
 }
 
-// Show the final report instead of the first one, which stays if the request fails. The next request
-// for a report, and a fold, abort the search: a fold searches itself.
+// Show the final report instead of the first one, which stays if the request fails. The next
+// request for a report, and a fold, abort the search: a fold searches itself.
 let improving = new AbortController();
 async function improve() {
   improving = new AbortController();

@@ -64,7 +64,8 @@ class StoredFigures extends Figures {
   }
 
   /**
-   * @template {Message<object, Record<string, Column>>} [Told=Message<PlotHeader, Record<PlotName, Floats>>]
+   * @template {Message<object, Record<string, Column>>} [Told=Message<PlotHeader, Record<PlotName,
+   *   Floats>>]
    * @param {string} query
    * @returns {Promise<Told | null>}
    */

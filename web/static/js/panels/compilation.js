@@ -21,8 +21,10 @@ export function remaining(value, busy = false) {
 /** @param {Api.CompilationBody} compilation */
 export function compilationWords({ fraction, remaining_s: remainingS }) {
   const percent = Math.floor(100 * fraction);
-  if (!percent) return "Starting the folding software…"; // it is unknown yet whether any kernel must be compiled
-  const words = `First start: compiling the folding software, ${percent} % done. This happens only once`;
+  // It is unknown yet whether any kernel must be compiled.
+  if (!percent) return "Starting the folding software…";
+  const words =
+    `First start: compiling the folding software, ${percent} % done. ` + "This happens only once";
   return remainingS ? `${words} · ${remaining(remainingS)}` : words;
 }
 

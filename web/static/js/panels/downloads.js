@@ -72,7 +72,8 @@ export async function createMovie(id, form) {
       token: ownToken,
       body: { ...options, width, height },
     });
-    await follow(movie, movie.token ?? ownToken); // the first request for a movie receives its own token
+    // The first request for a movie receives its own token.
+    await follow(movie, movie.token ?? ownToken);
   } catch (error) {
     get("movie-state").textContent = wordsOf(error);
   }

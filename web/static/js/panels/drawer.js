@@ -65,7 +65,8 @@ export class Drawer {
   open(open) {
     get("drawer").hidden = !open;
     get("details").setAttribute("aria-expanded", String(open));
-    if (open && document.body.classList.contains("all-controls")) get("more").click(); // in a low frame there is no room for both
+    // In a low frame there is no room for both.
+    if (open && document.body.classList.contains("all-controls")) get("more").click();
   }
 
   close() {

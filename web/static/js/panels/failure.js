@@ -5,7 +5,10 @@ import { clearestSight } from "../viewer/viewpoint.js";
 const narrow = matchMedia("(max-width: 760px)");
 
 export class Failure {
-  /** @param {{ player: import("../player/player.js").Player, bar: import("../player/bar.js").Bar, drawer: import("./drawer.js").Drawer }} around */
+  /**
+   * @param {{ player: import("../player/player.js").Player, bar: import("../player/bar.js").Bar,
+   *   drawer: import("./drawer.js").Drawer }} around
+   */
   constructor({ player, bar, drawer }) {
     this.player = player;
     /** @type {Failing | null} */

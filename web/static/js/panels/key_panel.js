@@ -116,7 +116,8 @@ export class KeyPanel {
           async () => {
             const sure = await confirmed(
               "Use this key for new folds?",
-              "Anyone else who has this key can see, rename and delete your new folds. Your earlier folds stay with your own key.",
+              "Anyone else who has this key can see, rename and delete your new folds. Your " +
+                "earlier folds stay with your own key.",
               "Use it",
             );
             if (sure) {
@@ -166,7 +167,8 @@ export class KeyPanel {
     }
     const sure = await confirmed(
       "Create a new key?",
-      "Your folds move to a new key. The old key stops working everywhere. Add the new key to your other browsers.",
+      "Your folds move to a new key. The old key stops working everywhere. Add the new key to " +
+        "your other browsers.",
       "New key",
     );
     if (!sure) return;
@@ -187,7 +189,8 @@ export class KeyPanel {
     const keys = keysHere();
     const sure = await confirmed(
       "Delete everything?",
-      "This permanently deletes all folds, previews and movies listed here, also in your other browsers. Their links stop working for everyone. Gallery folds stay.",
+      "This permanently deletes all folds, previews and movies listed here, also in your other " +
+        "browsers. Their links stop working for everyone. Gallery folds stay.",
       "Delete all",
       true,
     );
@@ -205,7 +208,9 @@ export class KeyPanel {
   async forget() {
     const sure = await confirmed(
       "Forget the keys?",
-      "This removes the keys from this browser. Your folds and links stay until they expire, but without the keys you cannot list, rename or delete them. Copy your access key first if you may need it again.",
+      "This removes the keys from this browser. Your folds and links stay until they expire, but " +
+        "without the keys you cannot list, rename or delete them. Copy your access key first if " +
+        "you may need it again.",
       "Forget",
       true,
     );

@@ -11,7 +11,8 @@ export class Legend {
   /**
    * @param {import("../player/player.js").Player} player
    * @param {import("../player/figures.js").Figures} figures
-   * @param {(how: "show" | "open") => void} showOwn shows the visitor's own values, or opens the panel to choose them
+   * @param {(how: "show" | "open") => void} showOwn shows the visitor's own values, or opens the
+   *   panel to choose them
    */
   constructor(player, figures, showOwn) {
     this.player = player;
@@ -22,7 +23,8 @@ export class Legend {
     this.menu = get("colour-by");
     /** @type {string | null} */
     this.pendingKey = null; // colouring in the address or of a tour whose data are not loaded yet
-    this.decided = false; // true once a colouring was asked for or chosen, so that the stored one no longer counts
+    // True once a colouring was asked for or chosen, so that the stored one no longer counts.
+    this.decided = false;
     this.fill();
     this.menu.onchange = () => {
       const { value } = this.menu;

@@ -234,7 +234,8 @@ export class FoldCard extends Card {
             way("Rename", fold.title, () => this.rename()),
             this.deletion(fold.title, fold.links.self, [
               `Delete “${fold.title}”?`,
-              "This permanently deletes the fold, its plan and its movies. The link will stop working for everyone.",
+              "This permanently deletes the fold, its plan and its movies. The link will stop " +
+                "working for everyone.",
             ]),
           ]),
     );
@@ -273,7 +274,9 @@ export class PreviewCard extends Card {
     onDeleted,
   ) {
     super(element("li", { class: "made", "data-id": id }, art(page, drawing)), key, onDeleted);
-    const facts = `${integerText(modules)} ${PLURALS[module] ?? "modules"} · ${ago(createdAt)} · ${expiryOf(end)}`;
+    const facts =
+      `${integerText(modules)} ${PLURALS[module] ?? "modules"} · ${ago(createdAt)} · ` +
+      `${expiryOf(end)}`;
     this.item.append(
       element("h3", { class: "card-title" }, element("a", { href: page }, title)),
       element("p", { class: "card-count" }, facts),

@@ -37,14 +37,28 @@ export function outcome(way, answer) {
     const shape = standard
       ? `Each module (${module}) fills ${percent(size)} of the spacing.`
       : `Each module, at ${percent(size)} of its full size, is ${module}.`;
-    return `${limits ? `Proved, but ${limits}. ` : ""}This browser checked ${integerText(modules)} modules without our server. ${shape} The motion begins ${start}. It ends ${end}. Modules that share no joint stay at least ${percent(claim)} of the spacing apart during the whole motion. The check took ${took(seconds)}.`;
+    return (
+      `${limits ? `Proved, but ${limits}. ` : ""}This browser checked ` +
+      `${integerText(modules)} modules without our server. ${shape} The motion begins ` +
+      `${start}. It ends ${end}. Modules that share no joint stay at least ${percent(claim)} of ` +
+      `the spacing apart during the whole motion. The check took ${took(seconds)}.`
+    );
   }
   if (way === "size") {
     if (!touch || touch.size > FULL)
-      return `In this plan, each module fills ${percent(size)} of the spacing. Even modules that fill their cells completely would not overlap during the motion.`;
-    return `The modules may grow from ${percent(size)} to almost ${percentUp(touch.size)} of the spacing; then ${pair(touch)} touch.`;
+      return (
+        `In this plan, each module fills ${percent(size)} of the spacing. Even modules that ` +
+        `fill their cells completely would not overlap during the motion.`
+      );
+    return (
+      `The modules may grow from ${percent(size)} to almost ${percentUp(touch.size)} of the ` +
+      `spacing; then ${pair(touch)} touch.`
+    );
   }
-  return `If the joint between modules ${integerText(joint + 1)} and ${integerText(joint + 2)} is off by 1°, no modules touch.`;
+  return (
+    `If the joint between modules ${integerText(joint + 1)} and ` +
+    `${integerText(joint + 2)} is off by 1°, no modules touch.`
+  );
 }
 
 // Return the size at which modules touch as a percentage,
@@ -60,9 +74,15 @@ function refusal(way, { text, place, claim, joint }) {
   if (place && place.gap >= claim)
     return `Not proved: ${pair(place)} may be far enough apart, but the check cannot prove it.`;
   if (way === "hinge" && place)
-    return `If the joint between modules ${integerText(joint + 1)} and ${integerText(joint + 2)} is off by 1°, ${pair(place)} touch.`;
+    return (
+      `If the joint between modules ${integerText(joint + 1)} and ` +
+      `${integerText(joint + 2)} is off by 1°, ${pair(place)} touch.`
+    );
   if (!place) return `Not proved: ${text}`;
-  return `Not proved: ${pair(place)} are only ${percent(Math.max(place.gap, 0))} of the spacing apart.`;
+  return (
+    `Not proved: ${pair(place)} are only ${percent(Math.max(place.gap, 0))} of the spacing ` +
+    `apart.`
+  );
 }
 
 /** @param {string} id of a fold */

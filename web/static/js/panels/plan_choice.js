@@ -13,7 +13,10 @@ const NEAR = { x: 26, y: 12 }; // closer dots share a label, because their label
  * @typedef {{ x: number, y: number, plan: PlanDot }} Dot
  */
 
-/** @type {Record<Axis, { name: string, label: (seconds: number, columns: string[]) => string, text: (value: number) => string, log: boolean }>} */
+/**
+ * @type {Record<Axis, { name: string, label: (seconds: number, columns: string[]) => string,
+ *   text: (value: number) => string, log: boolean }>}
+ */
 const AXES = {
   torque_mnm: {
     name: "Torque",
@@ -123,7 +126,9 @@ function picture({ plans, seconds, columns }, axis) {
     {
       viewBox: `0 0 ${WIDE} ${HIGH}`,
       role: "img",
-      "aria-label": `${columns[1]} and ${AXES[axis].name.toLowerCase()} of ${dots.length} plans. The table below lists the same values.`,
+      "aria-label":
+        `${columns[1]} and ${AXES[axis].name.toLowerCase()} of ${dots.length} plans. ` +
+        `The table below lists the same values.`,
     },
     ...across.flatMap((tick) => [
       rule("choice-grid", { x: tick.at }, [INSET.top, bottom]),

@@ -76,7 +76,8 @@ const SOME_FRAMES =
 // The certificate has the peak motor torque over all
 // steps, which inverse dynamics of frames cannot give.
 const ALL_FRAMES =
-  "computed from the motion of the plan; for the highest torque in the simulation, see Peak torque in Properties";
+  "computed from the motion of the plan; for the highest torque in the simulation, see Peak " +
+  "torque in Properties";
 
 // Return the worst value in each of a few hundred columns; NaN if there is none.
 /**
@@ -381,8 +382,8 @@ export class Plots {
     this.player.send({ do: "step", by });
   }
 
-  // Return the frame of the fold at which a figure is worst; null if there is none. No robot follows
-  // the explosion, so that its frames do not count.
+  // Return the frame of the fold at which a figure is worst; null if there is none. No robot
+  // follows the explosion, so that its frames do not count.
   /** @param {string} name */
   worst(name) {
     const { plots } = this.figures;

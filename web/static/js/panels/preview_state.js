@@ -6,10 +6,22 @@ import { percent, sentence, integerText, wholeTime } from "../lib/text.js";
 const MIN_MODULES = 8;
 const SLIDER_STEPS = 1000;
 /** @typedef {"module" | "method" | "ends" | "world"} ChoiceName */
-/** @typedef {Record<ChoiceName, string[]>} Choices available values, the default of the page first */
-/** @typedef {Record<ChoiceName, string> & { modules: number | null, repair: boolean, as_voxels: boolean, start: string | null, seed: number }} PreviewOptions */
-/** @typedef {{ text: string, primary?: boolean, change: Partial<PreviewOptions> }} Offer a button and the options that it changes */
-/** @typedef {{ id: string, most_modules: number, table_modules: number, next_scripts: string[], origin: { fold?: string, shape?: string }, options: Record<string, string> }} PreviewFacts without an id, the input is that of `origin`; `options` are its options */
+/**
+ * @typedef {Record<ChoiceName, string[]>} Choices available values, the default of the page first
+ */
+/**
+ * @typedef {Record<ChoiceName, string> & { modules: number | null, repair: boolean,
+ *   as_voxels: boolean, start: string | null, seed: number }} PreviewOptions
+ */
+/**
+ * @typedef {{ text: string, primary?: boolean, change: Partial<PreviewOptions> }} Offer a button
+ *   and the options that it changes
+ */
+/**
+ * @typedef {{ id: string, most_modules: number, table_modules: number, next_scripts: string[],
+ *   origin: { fold?: string, shape?: string }, options: Record<string, string> }} PreviewFacts
+ *   without an id, the input is that of `origin`; `options` are its options
+ */
 
 /** Options that may change the cells and thus invalidate the start cell. @type {Set<string>} */
 const RESHAPING = new Set(["module", "modules", "method", "world", "repair", "seed"]);
@@ -37,7 +49,8 @@ export class Preview {
     query,
   ) {
     this.id = id;
-    this.origin = origin; // fold or gallery shape that is previewed, until the preview has its own id
+    // Fold or gallery shape that is previewed, until the preview has its own id.
+    this.origin = origin;
     this.maxModules = maxModules;
     this.maxTableModules = maxTableModules;
     this.choices = choices;
@@ -213,7 +226,8 @@ export class Preview {
   // Warning before a long chain is folded on a table.
   get warning() {
     return this.onTable && this.report && this.report.modules > this.maxTableModules
-      ? `Chains of more than ${integerText(this.maxTableModules)} modules usually get stuck on a table.`
+      ? `Chains of more than ${integerText(this.maxTableModules)} modules usually get stuck on a ` +
+          `table.`
       : "";
   }
 
@@ -223,7 +237,8 @@ export class Preview {
       options: { start },
       report,
     } = this;
-    const picked = report?.has_path && report.final !== false ? this.picked : null; // the final path may lack the cell
+    // The final path may lack the cell.
+    const picked = report?.has_path && report.final !== false ? this.picked : null;
     const first = picked?.module === 0;
     if (this.onTable || (!picked && !start)) return null;
     if (!report || !picked || (first && start))
@@ -232,7 +247,9 @@ export class Preview {
         button: first ? "" : "Undo",
         change: { start: null },
       };
-    const text = `Module ${integerText(picked.module + 1)} of ${integerText(report.modules)}${first ? ", the first" : ""}`;
+    const text =
+      `Module ${integerText(picked.module + 1)} of ` +
+      `${integerText(report.modules)}${first ? ", the first" : ""}`;
     return { text, button: "Start here", change: { start: picked.cell?.join(",") ?? null } };
   }
 }
@@ -257,7 +274,8 @@ export function likenessWords(likeness) {
 export function verdictOf({ module, modules, iou, has_path: path, final = true }) {
   if (!path) return `${integerText(modules)} cells, no path yet`;
   const likeness = iou === null ? "" : ` · ${percent(iou)} like your file`;
-  return `${integerText(modules)} ${module === "cube" ? "modules" : "tetrahedra"}${likeness}${final ? "" : ", improving…"}`;
+  const kind = module === "cube" ? "modules" : "tetrahedra";
+  return `${integerText(modules)} ${kind}${likeness}${final ? "" : ", improving…"}`;
 }
 
 // Return possible numbers of modules nearby, and a text that explains them.
@@ -272,7 +290,8 @@ export function nearby(
   const nearest =
     (requested ?? modules) === modules
       ? ""
-      : `${integerText(modules)} is the closest possible number to ${integerText(requested ?? modules)}`;
+      : `${integerText(modules)} is the closest possible number to ` +
+        `${integerText(requested ?? modules)}`;
   // On a table, a neighbouring count may have no path; the checked versions are offered instead.
   const counts = onTable
     ? []
@@ -293,7 +312,9 @@ export function figuresOf({ iou, likeness, candidates, knot }) {
     candidates: String(candidates),
     knotted,
     knotHint: determinant
-      ? `${knotted ? "The knot is undone while the chain unfolds, which takes longer. " : ""}The chain’s determinant, a test number for knots, is ${determinant}. Without a knot, it would be 1.`
+      ? `${knotted ? "The knot is undone while the chain unfolds, which takes longer. " : ""}The ` +
+        `chain’s determinant, a test number for knots, is ${determinant}. Without a knot, it ` +
+        `would be 1.`
       : "",
     knot: knot ? KNOTS[verdict] : "–",
   };
@@ -324,7 +345,8 @@ export function troubleOf(
       primary: true,
       change: { repair: true, ...(doubled && { modules: needed }) },
     }));
-  const apart = feasibility?.problems.some(({ code }) => code === "disconnected"); // their blocks would be disconnected, too
+  // Their blocks would be disconnected, too.
+  const apart = feasibility?.problems.some(({ code }) => code === "disconnected");
   if (method !== "blocks" && module === "cube" && !apart)
     ways.push({ text: "Use 2×2×2 modules for each cell", change: { method: "blocks" } });
   return {
@@ -370,7 +392,8 @@ export function reachOf({ maxModules }, { reach = [] }) {
   );
   const beyond = reach.find(({ modules }) => modules === null);
   const limit = beyond
-    ? `Even ${integerText(maxModules)} modules are less than ${percent(beyond.likeness)} like your file. Thicker parts would help more.`
+    ? `Even ${integerText(maxModules)} modules are less than ${percent(beyond.likeness)} like ` +
+      `your file. Thicker parts would help more.`
     : "";
   return { ways, limit };
 }
@@ -400,7 +423,9 @@ export function notesOf({ onTable, options }, { notes, has_path: path, as_voxels
  */
 export function offerOf({ kind, modules, change, added }, place) {
   const words = {
-    repair: `Add ${added.length} cell${added.length === 1 ? "" : "s"}: ${integerText(modules)} modules`,
+    repair:
+      `Add ` +
+      `${added.length} cell${added.length === 1 ? "" : "s"}: ${integerText(modules)} modules`,
     modules: `Use ${integerText(modules)} modules, one for each cell`,
     blocks: `Use ${integerText(modules)} modules, 2×2×2 for each cell`,
   };

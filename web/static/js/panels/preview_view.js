@@ -220,7 +220,8 @@ export function cover(text, detail) {
 // The picture of a report: a drawing until the 3D view is ready, or instead of it.
 export class Picture {
   /**
-   * @param {{ pick: (module: number | null, cell: number[] | null) => void, settled: () => void }} heard
+   * @param {{ pick: (module: number | null, cell: number[] | null) => void, settled: () => void }}
+   *   heard
    */
   constructor({ pick, settled }) {
     this.settled = settled;
@@ -294,7 +295,8 @@ export class Picture {
       this.explain();
       this.start();
     };
-    drawing.src = `${this.under}/drawing.svg?key=${this.report.key}${this.repaired ? "&repair=true" : ""}`;
+    const repair = this.repaired ? "&repair=true" : "";
+    drawing.src = `${this.under}/drawing.svg?key=${this.report.key}${repair}`;
   }
 
   explain() {
@@ -302,7 +304,8 @@ export class Picture {
     write({
       "cover-text": reason ? `${reason}, so you see a drawing.` : "Starting the 3D view…",
       "cover-more": reason
-        ? `The numbers on this page are still correct${this.report?.has_path ? ", and you can fold the shape" : ""}.`
+        ? `The numbers on this page are still correct` +
+          `${this.report?.has_path ? ", and you can fold the shape" : ""}.`
         : "",
     });
   }

@@ -15,7 +15,8 @@ const OVER = ["verified", "failed", "cancelled"];
 export class Progress {
   /**
    * @param {Facts} facts
-   * @param {() => Promise<Facts | null>} onDone updates the page, and returns the facts of the outcome
+   * @param {() => Promise<Facts | null>} onDone updates the page, and returns the facts of the
+   *   outcome
    */
   constructor(facts, onDone) {
     this.facts = facts;
@@ -86,7 +87,11 @@ export class Progress {
       now.remaining_s == null ? "" : ` · ${remaining(now.remaining_s, now.busy)}`;
     if (this.cancelling) text = "Cancelling…";
     else if (compilation)
-      text = `${compilationWords(compilation)}${queue > 1 ? ` · then this fold waits in the queue behind ${queue - 1} other fold${queue > 2 ? "s" : ""}` : ""}`;
+      text =
+        queue > 1
+          ? `${compilationWords(compilation)} · then this fold waits in the queue behind ` +
+            `${queue - 1} other fold${queue > 2 ? "s" : ""}`
+          : compilationWords(compilation);
     else if (now.status === "queued") {
       if (now.paused) text = now.message ?? "Paused";
       else text = queueWords(queue, now.running_before);

@@ -5,7 +5,8 @@ import { at, copyText, get, save, toast } from "../lib/text.js";
 // Set up the dialog, including the parts that need no server. Return the function that opens it.
 /**
  * @param {Facts} facts
- * @param {{ place: import("../player/address.js").Place, player: import("../player/player.js").Player }} view
+ * @param {{ place: import("../player/address.js").Place,
+ *   player: import("../player/player.js").Player }} view
  * @returns {() => void}
  */
 export function sharing({ id, embed }, { place, player }) {
@@ -15,8 +16,10 @@ export function sharing({ id, embed }, { place, player }) {
     get("share-link").value = location.origin + path;
     if (!embed) return;
     const hash = path.includes("#") ? path.slice(path.indexOf("#")) : "";
+    const title = get("name").textContent.replaceAll('"', "&quot;");
     get("share-embed").value =
-      `<iframe src="${location.origin}${at(embed)}${hash}" title="${get("name").textContent.replaceAll('"', "&quot;")}" width="720" height="480" style="border:0" allow="fullscreen" loading="lazy"></iframe>`;
+      `<iframe src="${location.origin}${at(embed)}${hash}" title="${title}" width="720" ` +
+      `height="480" style="border:0" allow="fullscreen" loading="lazy"></iframe>`;
   };
   offerPicture(player);
   get("share-here").onchange = fill;
@@ -33,7 +36,8 @@ export function sharing({ id, embed }, { place, player }) {
   // The share function of the system, if available.
   get("share-send").hidden = !("share" in navigator);
   get("share-send").onclick = () =>
-    navigator.share({ title: document.title, url: get("share-link").value }).catch(() => {}); // the visitor cancelled
+    // The visitor cancelled.
+    navigator.share({ title: document.title, url: get("share-link").value }).catch(() => {});
   get("share-mine").hidden = !tokenOf(id);
   const lead = document.getElementById("lead"); // only with a service
   if (lead)

@@ -8,12 +8,18 @@ import { frameBetween, movingSeconds } from "../tour/state.js";
 
 const STYLE = "/static/css/tour.css";
 const SLACK = 0.5; // frames; a larger deviation means that the visitor has moved the playhead
-const EXTENT = 0.86; // extent of the chain in a new view, as a fraction of the free part of the picture
+// Extent of the chain in a new view, as a fraction of the free part of the picture.
+const EXTENT = 0.86;
 const MIN_EXTENT = 0.4; // with a smaller extent, the camera moves nearer
-const KEPT_ENDS = 10; // modules of a straight end that stay in the picture, beside the last bend or joint
-const MAX_COVERED = 0.5; // largest fraction of the picture's height that counts as covered by the panel
+// Modules of a straight end that stay in the picture, beside the last bend or joint.
+const KEPT_ENDS = 10;
+// Largest fraction of the picture's height that counts as covered by the panel.
+const MAX_COVERED = 0.5;
 
-/** @typedef {<Made>(use: (panel: StepsPanel) => Made) => Promise<Made | undefined>} Stepping loads the panel on first use */
+/**
+ * @typedef {<Made>(use: (panel: StepsPanel) => Made) => Promise<Made | undefined>} Stepping loads
+ *   the panel on first use
+ */
 
 // Return how many steps are done at a frame; during a step, it is not done.
 /**
@@ -32,8 +38,9 @@ export const stepWords = (steps, done) =>
     ? { count: `Step ${done + 1} of ${steps.length}`, text: steps[done].text }
     : { count: `All ${steps.length} steps`, text: "The chain is folded." };
 
-// Return the modules to look at in a step: the bent part of the chain and the joints that turn. Of long
-// straight ends, only the beginning: the joints would be too small to be seen beside the whole chain.
+// Return the modules to look at in a step: the bent part of the chain and the joints that turn. Of
+// long straight ends, only the beginning: the joints would be too small to be seen beside the whole
+// chain.
 /**
  * @param {ArrayLike<number>} positions
  * @param {number[]} joints
@@ -56,8 +63,8 @@ export function modulesInView(positions, joints) {
   return Array.from({ length: last - first + 1 }, (_, k) => first + k);
 }
 
-// Return the extent of some points in the free part of the picture, above what is covered: 1 if they
-// touch its edge.
+// Return the extent of some points in the free part of the picture, above what is covered: 1 if
+// they touch its edge.
 /**
  * @param {Vector[]} points
  * @param {View} view
@@ -91,7 +98,10 @@ export class StepsPanel {
     this.steps = steps;
     this.calm = calm;
     this.done = 0; // steps that are done
-    /** @type {{ from: number, to: number, begun: number, seconds: number, frame: number, done: number } | null} */
+    /**
+     * @type {{ from: number, to: number, begun: number, seconds: number, frame: number,
+     *   done: number } | null}
+     */
     this.way = null;
     this.follow = true; // as before the panel was opened
     this.box = get("steps-panel");
@@ -189,8 +199,8 @@ export class StepsPanel {
     this.look(first);
   }
 
-  // Keep the camera where it is, unless the joint is hidden, what matters is too large or too small,
-  // or the chain is folded.
+  // Keep the camera where it is, unless the joint is hidden, what matters is too large or too
+  // small, or the chain is folded.
   /** @param {boolean} first */
   look(first) {
     const { player, steps, done } = this;

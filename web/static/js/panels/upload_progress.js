@@ -18,7 +18,8 @@ export class Sending {
   /**
    * @template Done
    * @param {string} name
-   * @param {(how: { signal: AbortSignal, onSent: (sent: number, all: number) => void }) => Promise<Done>} send
+   * @param {(how: { signal: AbortSignal, onSent: (sent: number,
+   *   all: number) => void }) => Promise<Done>} send
    * @returns {Promise<Done>}
    */
   async during(name, send) {
@@ -35,7 +36,9 @@ export class Sending {
     const onSent = (/** @type {number} */ sent, /** @type {number} */ all) => {
       if (sent < all) {
         bar.value = sent / all;
-        text.textContent = `Sending ${name}: ${Math.floor((100 * sent) / all)} %, ${megabytes(sent)} of ${megabytes(all)}`;
+        text.textContent =
+          `Sending ${name}: ${Math.floor((100 * sent) / all)} %, ` +
+          `${megabytes(sent)} of ${megabytes(all)}`;
       } else {
         bar.removeAttribute("value"); // everything is sent; the server reads it
         text.textContent = `Reading ${name}…`;

@@ -38,10 +38,11 @@ const STEPS = {
  * @param {number} left
  * @param {number} right
  */
-const errorColumn = (error, scale, left, right) =>
-  error
-    ? `M${left.toFixed(1)} 100V${(100 - HIGHEST * Math.min(1, error / scale)).toFixed(1)}H${right.toFixed(1)}V100z`
-    : "";
+function errorColumn(error, scale, left, right) {
+  if (!error) return "";
+  const top = 100 - HIGHEST * Math.min(1, error / scale);
+  return `M${left.toFixed(1)} 100V${top.toFixed(1)}H${right.toFixed(1)}V100z`;
+}
 
 export class Bar {
   /**
@@ -280,7 +281,8 @@ class FrameField {
     this.button.onclick = ({ detail }) => this.open(detail > 0);
     this.field.onkeydown = (event) => this.key(event);
     this.field.oninput = () => refuse(this.field, "");
-    this.field.onblur = () => this.close(frameIn(this.field.value, this.frames)); // some keyboards have no Enter
+    // Some keyboards have no Enter.
+    this.field.onblur = () => this.close(frameIn(this.field.value, this.frames));
   }
 
   /** @param {State} state */

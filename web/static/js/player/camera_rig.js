@@ -19,9 +19,11 @@ const GOAL_EVERY_S = 0.2; // the same in seconds of playback; the larger of both
 const GOALS_ASIDE = 4; // blended views on each side of the playhead
 const GOAL_SPREAD = 1.8; // larger values reduce the weight of distant views
 const MAX_GOALS = 4000; // views in memory
-const ROOM = 1.08; // minimum distance, as a multiple of that at which the chain touches the edge of the picture
+// Minimum distance, as a multiple of that at which the chain touches the edge of the picture.
+const ROOM = 1.08;
 const USUAL_ASPECT = 1.6;
-const FREE_WIDTH = 0.9; // fraction of the picture's width that the chain fills at most, above a panel
+// Fraction of the picture's width that the chain fills at most, above a panel.
+const FREE_WIDTH = 0.9;
 const FREE_HEIGHT = 0.86; // fraction of the height above a panel that the chain fills at most
 const AROUND_PITCH = 3; // radius of the visible surroundings of each module of a group
 const MAX_ZOOM = 8; // largest distance while following, as a multiple of the usual one
@@ -161,7 +163,8 @@ export class CameraRig {
       };
     }
     if (follow && (gently || !turn)) return; // a camera that follows glides there by itself
-    const farthest = zoom ? FARTHEST * this.whole(snapshot, from).distance : Infinity; // only a zoom changes the distance
+    // Only a zoom changes the distance.
+    const farthest = zoom ? FARTHEST * this.whole(snapshot, from).distance : Infinity;
     this.goal = orbited(from, follow ? { turn } : { turn, zoom, move }, this.seeing().field, [
       NEAREST_PITCH * this.pitch,
       farthest,

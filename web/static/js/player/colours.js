@@ -37,7 +37,8 @@ export const MEASURED = {
 const ON_TABLE = new Set(["joint_torque", "pressed"]);
 const OF_HINGES = new Set(["torque", "joint_torque"]);
 const FLOATING = new Set(["torque"]); // only in zero gravity
-const WHOLE_CHAIN = new Set(["torque", "clearance"]); // long folds have only the values of the whole chain; the plots show them
+// Long folds have only the values of the whole chain; the plots show them.
+const WHOLE_CHAIN = new Set(["torque", "clearance"]);
 
 // Return the colourings of a fold in zero gravity or on a table.
 /** @param {boolean} table */

@@ -20,7 +20,8 @@ export class Figures extends Emitter {
   }
 
   /**
-   * @template {Message<object, Record<string, Column>>} [Told=Message<PlotHeader, Record<PlotName, Floats>>]
+   * @template {Message<object, Record<string, Column>>} [Told=Message<PlotHeader, Record<PlotName,
+   *   Floats>>]
    * @param {string} query
    * @returns {Promise<Told | null>}
    */

@@ -118,7 +118,8 @@ export class Rows {
       Math.floor(Math.fround(this.foldedRad[j]) / STEP + 0.5);
     let at = 0;
     for (let k = 0; k < this.rows; k++) {
-      const before = k ? at - counts[k - 1] - first[k - 1] : 0; // offset of hinge 0 in the previous row
+      // Offset of hinge 0 in the previous row.
+      const before = k ? at - counts[k - 1] - first[k - 1] : 0;
       const [start, end] = k ? [first[k - 1], first[k - 1] + counts[k - 1]] : [0, 0];
       for (let i = 0, j = first[k]; i < counts[k]; i++, j++, at++) {
         if (k) steps[at] += j < start ? folded(j) : j < end ? steps[before + j] : 0;
@@ -207,14 +208,16 @@ export class FrameStore {
 
   /**
    * @param {number} joints
-   * @param {boolean} windowed true for a long timeline, of which only the frames around the focus are fetched
+   * @param {boolean} windowed true for a long timeline, of which only the frames around the focus
+   *   are fetched
    */
   constructor(joints = 0, windowed = false) {
     this.windowed = windowed;
     this.rowBytes = 8 * joints + 40;
     this.rows = windowed
       ? WINDOW_FRAMES
-      : Math.max(1, Math.min(MAX_BATCH_FRAMES, Math.floor(BATCH_BYTES / this.rowBytes))); // of a chunk
+      : // Of a chunk.
+        Math.max(1, Math.min(MAX_BATCH_FRAMES, Math.floor(BATCH_BYTES / this.rowBytes)));
   }
 
   get last() {

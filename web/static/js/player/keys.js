@@ -9,9 +9,11 @@ const KEPT = "foldback:single-keys";
  * @typedef {object} Row
  * @property {string[]} labels
  * @property {string} text
- * @property {Record<string, (it: Keys) => void>} does actions by key; keys without a character of their own have the prefix "Shift+"
+ * @property {Record<string, (it: Keys) => void>} does actions by key; keys without a character of
+ *   their own have the prefix "Shift+"
  * @property {boolean} [repeats] true if a held key repeats the action
- * @property {(bar: import("./bar.js").Bar) => string} [says] result of the action, for screen readers
+ * @property {(bar: import("./bar.js").Bar) => string} [says] result of the action, for screen
+ *   readers
  * @property {(it: Keys) => unknown} [applies] true if the page has this shortcut
  */
 

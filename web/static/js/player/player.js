@@ -71,8 +71,11 @@ export class Player extends PlayerState {
   // reduced motion (`calm`), the camera jumps to the goal of a frame that was sought.
   /**
    * @param {Timeline} timeline
-   * @param {{ usual?: string, stage?: Stage | null, standIn?: import("../viewer/stand_in.js").StandIn | null, sketch?: Sketch | null, aspect?: () => number, calm?: boolean, pauseMs?: () => number }} shownOn
-   *   `usual` is the first colouring; `pauseMs` returns the minimum time between two pictures of an automatic motion
+   * @param {{ usual?: string, stage?: Stage | null,
+   *   standIn?: import("../viewer/stand_in.js").StandIn | null, sketch?: Sketch | null,
+   *   aspect?: () => number, calm?: boolean, pauseMs?: () => number }} shownOn
+   *   `usual` is the first colouring; `pauseMs` returns the minimum time between two pictures of an
+   *   automatic motion
    */
   constructor(
     timeline,

@@ -51,7 +51,10 @@ export class PlayerState extends Emitter {
   markedAs = "stuck";
   /** @type {TurningPart | null} part that turns in a step, in place of the colouring */
   turning = null;
-  /** @type {{ way: number, from: Row } | null} search for a change that continues in frames that are not loaded yet */
+  /**
+   * @type {{ way: number, from: Row } | null} search for a change that continues in frames that are
+   *   not loaded yet
+   */
   search = null;
   /** @type {Snapshot | null} */
   snapshot = null;

@@ -2,7 +2,8 @@
 //   play, pause, toggle           run or stop; play at the end starts over
 //   seek {frame} or {percent}     go there and stop
 //   step {by}                     go whole frames back or forward, and stop
-//   set {speed, loop, reverse, follow, turn, live, real}   any of them; real plays in real time of the robot
+//   set {speed, loop, reverse, follow, turn, live, real}
+//                                 any of them; real plays in real time of the robot
 //   set {from, to}                loop from one frame to another; null for the end of the timeline
 import { angleIn, differing } from "./frames.js";
 
@@ -10,7 +11,8 @@ const SPEEDS = [0.05, 20];
 const SWITCHES = /** @type {const} */ (["loop", "reverse", "follow", "turn", "live", "real"]);
 const WHOLE_PLAYBACK_S = 20;
 const SLOWEST_FPS = 12;
-const FASTEST_FPS = 240; // a long timeline takes longer; otherwise its modules would move too fast to see
+// A long timeline takes longer; otherwise its modules would move too fast to see.
+const FASTEST_FPS = 240;
 const CATCH_UP_S = 0.4;
 const HOLD_S = 1.2;
 const SEEN_RAD = 0.05; // smallest visible rotation of a hinge
@@ -197,8 +199,10 @@ export function after(timeline, frame, seconds) {
     const low = way > 0 ? Math.floor(position) : Math.ceil(position) - 1;
     const [a, b] = [timeline.row(low), timeline.row(low + 1)];
     if (a && b) length = b.time_s - a.time_s;
-    else if (!length) return Math.min(Math.max(position + way, 0), timeline.last); // durations are unknown
-    const share = way > 0 ? low + 1 - position : position - low; // fraction of this frame that is still ahead
+    // Durations are unknown.
+    else if (!length) return Math.min(Math.max(position + way, 0), timeline.last);
+    // Fraction of this frame that is still ahead.
+    const share = way > 0 ? low + 1 - position : position - low;
     if (share * length > remainingS) return position + (way * remainingS) / length;
     remainingS -= share * length;
     position = way > 0 ? low + 1 : low;

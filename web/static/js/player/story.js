@@ -30,7 +30,10 @@ const STILL = 0.05;
 const ENDING = new Set(["seek", "step", "pass", "change", "fold", "play", "pause", "toggle"]);
 
 /** @typedef {"before" | "telling" | "finale" | "over"} Part */
-/** @typedef {Pick<import("./timeline.js").Timeline, "last" | "growing" | "over" | "outline" | "windowed">} Told */
+/**
+ * @typedef {Pick<import("./timeline.js").Timeline,
+ *   "last" | "growing" | "over" | "outline" | "windowed">} Told
+ */
 
 export class Story {
   // With `calm` nothing plays by itself: the first frame stays until the fold is over.

@@ -123,7 +123,10 @@ export class Timeline extends Emitter {
   bundle;
   /** @type {Kinematics} */
   kinematics;
-  /** @type {boolean} true for a long timeline, of which only the frames around the playhead are fetched */
+  /**
+   * @type {boolean} true for a long timeline, of which only the frames around the playhead are
+   *   fetched
+   */
   windowed;
   /** @type {Floats | null} angles at the first frame */
   startRad = null;

@@ -12,7 +12,8 @@ export class Flight {
   /**
    * @param {import("../player/player.js").Player} player
    * @param {{ calm: boolean, page: Addressed, over: () => void, interrupted: () => void }} around
-   *   `over` is called after the reading time of a caption, `interrupted` when the visitor moves the playhead
+   *   `over` is called after the reading time of a caption, `interrupted` when the visitor moves
+   *   the playhead
    */
   constructor(player, { calm, page, over, interrupted }) {
     this.player = player;
@@ -20,7 +21,9 @@ export class Flight {
     this.page = page;
     this.over = over;
     this.interrupted = interrupted;
-    /** @type {{ from: number, to: number, begun: number, seconds: number, frame: number } | null} */
+    /**
+     * @type {{ from: number, to: number, begun: number, seconds: number, frame: number } | null}
+     */
     this.way = null;
     /** @type {TourStop | null} */
     this.stop = null;

@@ -18,7 +18,10 @@ export function idleSeconds(search) {
   return seconds >= RANGE_S[0] && seconds <= RANGE_S[1] ? seconds : USUAL_S;
 }
 
-/** @param {Pick<import("./panel.js").Toured, "player" | "calm"> & { touring: import("./panel.js").Touring }} shown */
+/**
+ * @param {Pick<import("./panel.js").Toured, "player" | "calm"> & {
+ *   touring: import("./panel.js").Touring }} shown
+ */
 export function exhibit({ player, calm, touring }) {
   const idleMs = 1000 * (idleSeconds(location.search) ?? USUAL_S);
   const box = get("tour-panel");

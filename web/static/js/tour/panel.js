@@ -18,7 +18,8 @@ const NOBODYS = "Only the owner of this fold can save its tour. You can download
  * @property {boolean} calm
  * @property {Tour} tour
  * @property {string | null} id of the fold, if its tour can be edited
- * @typedef {<Made>(use: (panel: TourPanel) => Made) => Promise<Made | undefined>} Touring loads the panel on first use
+ * @typedef {<Made>(use: (panel: TourPanel) => Made) => Promise<Made | undefined>} Touring loads the
+ *   panel on first use
  */
 
 export class TourPanel {
@@ -70,7 +71,8 @@ export class TourPanel {
     const { top, height } = this.box.getBoundingClientRect();
     const picture = get("main").getBoundingClientRect();
     const share = height ? (picture.bottom - top) / picture.height : 0;
-    const stands = getComputedStyle(this.box).position === "absolute"; // in an exhibition, it is below the picture
+    // In an exhibition, it is below the picture.
+    const stands = getComputedStyle(this.box).position === "absolute";
     this.player.cover(stands ? Math.min(Math.max(share, 0), MAX_COVERED) : 0);
   }
 

@@ -112,7 +112,10 @@
     if (port && wire) say({ is: "open" });
   };
 
-  /** @param {MessageEvent<{ do?: string, id?: number, messages?: SceneMessage[], scheme?: string } | null>} event */
+  /**
+   * @param {MessageEvent<{ do?: string, id?: number, messages?: SceneMessage[],
+   *   scheme?: string } | null>} event
+   */
   function take({ data }) {
     if (data?.do === "show" && Array.isArray(data.messages)) {
       const messages = data.messages.filter((message) => SHOWN.has(message?.type));

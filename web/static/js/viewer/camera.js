@@ -127,7 +127,8 @@ const midway = (values) => (Math.min(...values) + Math.max(...values)) / 2;
 // of modules with the given radius; see fewPoints.
 /**
  * @param {Vector[]} points
- * @param {Seeing & { elevation: number, azimuth?: number | null, margin?: [number, number] }} seeing
+ * @param {Seeing & { elevation: number, azimuth?: number | null, margin?: [number, number] }}
+ *   seeing
  * @returns {View}
  */
 export function framing(

@@ -22,7 +22,8 @@ const SIDES = {
  * @param {import("../player/timeline.js").Timeline} timeline
  * @param {HTMLIFrameElement} frame
  * @param {HTMLCanvasElement} canvas
- * @param {{ calm: boolean, onFirst?: () => void, onScroll?: () => void, pauseMs?: () => number }} options `onFirst` is called after
+ * @param {{ calm: boolean, onFirst?: () => void, onScroll?: () => void, pauseMs?: () => number }}
+ *   options `onFirst` is called after
  *   the first drawing, `onScroll` if the page around an embed scrolls
  */
 export function playerOn(timeline, frame, canvas, { calm, onFirst, onScroll, pauseMs }) {

@@ -3,7 +3,8 @@
 // elsewhere; messages contain only names, numbers and texts.
 
 /**
- * @param {{ player: import("../player/player.js").Player, timeline: import("../player/timeline.js").Timeline, open: (stop: number) => boolean }} shown
+ * @param {{ player: import("../player/player.js").Player,
+ *   timeline: import("../player/timeline.js").Timeline, open: (stop: number) => boolean }} shown
  *   `open` opens the tour at a stop
  */
 export function answer({ player, timeline, open }) {

@@ -44,7 +44,8 @@ export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
  * @property {() => number | null} tightest returns the frame with the plan's smallest clearance
  * @property {Details | null} [details]
  * @property {boolean} [play]
- * @property {{ tour: () => Promise<Tour | null>, values: () => Promise<KeptValues | null>, steps: () => Promise<PlanStep[] | null>, id: string | null }} extras
+ * @property {{ tour: () => Promise<Tour | null>, values: () => Promise<KeptValues | null>,
+ *   steps: () => Promise<PlanStep[] | null>, id: string | null }} extras
  *   tour, module values and steps of the fold; `id` is that of a fold that accepts new ones
  * @property {() => void} [onScroll] called if the page around an embed scrolls instead of a zoom
  */
@@ -250,5 +251,6 @@ function takeFiles(take) {
       if (name === "drop" && file) take(file);
     });
   }
-  addEventListener("pointermove", () => classList.remove("dropping")); // there are no pointer moves during a drag
+  // There are no pointer moves during a drag.
+  addEventListener("pointermove", () => classList.remove("dropping"));
 }

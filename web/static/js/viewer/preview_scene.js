@@ -6,9 +6,11 @@ import { Hand, KEY_ORBITS, Scene, cameraTo, linear, update, visibility } from ".
 
 const MOST_TRIES = 8;
 const RETRY_S = 2;
-const DISTANCES = /** @type {const} */ ([0.1, 8]); // smallest and largest, as multiples of the usual one
+// Smallest and largest, as multiples of the usual one.
+const DISTANCES = /** @type {const} */ ([0.1, 8]);
 /** @type {Record<string, string>} */
-const ARROWS = { ArrowUp: "w", ArrowLeft: "a", ArrowDown: "s", ArrowRight: "d" }; // keys with the same effect
+// Keys with the same effect.
+const ARROWS = { ArrowUp: "w", ArrowLeft: "a", ArrowDown: "s", ArrowRight: "d" };
 
 /**
  * @typedef {object} PreviewHeard
@@ -192,7 +194,8 @@ export class PreviewStage extends Scene {
     this.apply(messages);
   }
 
-  // Keep the shape in view when the window or the shape changes, from where the visitor looks at it.
+  // Keep the shape in view when the window or the shape changes, from where the visitor looks at
+  // it.
   look() {
     const { clientWidth: wide, clientHeight: high } = this.frame;
     if (!this.open || !this.bundle || !wide || !high) return;

@@ -229,15 +229,20 @@ export class Scene {
   }
 }
 
-/** @typedef {{ x: number, y: number, fromX: number, fromY: number, button: number, still: number, drags: boolean }} Finger */
+/**
+ * @typedef {{ x: number, y: number, fromX: number, fromY: number, button: number, still: number,
+ *   drags: boolean }} Finger
+ */
 
-// Pointer controls of the camera, on a transparent element above the view, which also has its focus.
-// A press without motion is a tap. One pointer turns the camera; with the right or middle button it
-// moves the picture. Two pointers zoom and, unless the camera follows the chain, move the picture.
+// Pointer controls of the camera, on a transparent element above the view, which also has its
+// focus. A press without motion is a tap. One pointer turns the camera; with the right or middle
+// button it moves the picture. Two pointers zoom and, unless the camera follows the chain, move the
+// picture.
 export class Hand {
   /**
    * @param {(orbit: Orbit) => void} does
-   * @param {{ height: () => number, follows: () => boolean, tap: (x: number, y: number) => void, scroll?: () => void }} view its height
+   * @param {{ height: () => number, follows: () => boolean, tap: (x: number, y: number) => void,
+   *   scroll?: () => void }} view its height
    *   in pixels; `scroll` is called if the page around an embed scrolls instead of a zoom
    */
   constructor(does, { height, follows, tap, scroll = () => {} }) {
@@ -246,7 +251,8 @@ export class Hand {
     this.follows = follows;
     this.tap = tap;
     this.scroll = scroll;
-    this.yields = false; // true in an embed, where the wheel and vertical swipes scroll the page around it
+    // True in an embed, where the wheel and vertical swipes scroll the page around it.
+    this.yields = false;
     this.clicked = false;
     /** @type {Map<number, Finger>} */
     this.fingers = new Map();
@@ -338,7 +344,8 @@ export class Hand {
       this.clicked = false;
       surface.classList.remove("focused");
     });
-    surface.addEventListener("contextmenu", (event) => event.preventDefault()); // the right button moves the view
+    // The right button moves the view.
+    surface.addEventListener("contextmenu", (event) => event.preventDefault());
     view.after(surface);
     return surface;
   }
@@ -349,7 +356,8 @@ export class Hand {
     this.surface?.style.setProperty("touch-action", on ? "pan-y" : "none");
   }
 
-  // After a click, until the focus leaves, or with Ctrl or ⌘, the wheel zooms a view in an embed, too.
+  // After a click, until the focus leaves, or with Ctrl or ⌘, the wheel zooms a view in an embed,
+  // too.
   /** @param {WheelEvent} event */
   wheel(event) {
     if (this.yields && !this.clicked && !event.ctrlKey && !event.metaKey) {

@@ -6,7 +6,8 @@ import { at as hrefOf } from "../lib/text.js";
 // `lit` gives the same colour under the lights of the 3D view.
 /** @type {Record<"light" | "dark", { lit: Colour, top: Colour, edge: Colour }>} */
 const COLOURS = {
-  light: { lit: [206, 190, 166], top: [222, 214, 200], edge: [184, 172, 152] }, // as web/pictures/table_top.py
+  // As web/pictures/table_top.py.
+  light: { lit: [206, 190, 166], top: [222, 214, 200], edge: [184, 172, 152] },
   dark: { lit: [62, 68, 77], top: [76, 83, 93], edge: [50, 56, 64] },
 };
 // Return the colours of the table in the current theme.

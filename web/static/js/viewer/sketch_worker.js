@@ -3,23 +3,36 @@ const SHADOW_SCALE = 1 / 6;
 const SHADOW = 0.2;
 const NEAREST = 0.05;
 const EDGE = "rgb(20 22 26 / .38)";
+const rgb = (/** @type {number[]} */ colour) => `rgb(${colour.join(" ")})`;
 const EDGED_PX = 5;
 const GAPPED_PX = 12; // minimum size of modules that show the gaps to their neighbours
 const GAP = 0.6; // brightness of the gap
 
-/** @typedef {{ place: number[], stops: [at: number, colour: string][] }} Ground gradient, in fractions of the canvas */
-/** @typedef {Outline & { neighbours: Int32Array | null, rods: boolean, full: number, table: TableTold | null }} Drawn */
 /**
- * One frame, in pitches: poses and colours of the modules, the camera, and the height of the ground. Modules before `core` are folded,
+ * @typedef {{ place: number[], stops: [at: number, colour: string][] }} Ground gradient, in
+ *   fractions of the canvas
+ */
+/**
+ * @typedef {Outline & { neighbours: Int32Array | null, rods: boolean, full: number,
+ *   table: TableTold | null }} Drawn
+ */
+/**
+ * One frame, in pitches: poses and colours of the modules, the camera, and the height of the
+ * ground. Modules before `core` are folded,
  * those from `rod` on straight.
- * @typedef {{ positions: Floats, wxyzs: Floats, colours: Uint8Array, eye: Numbers, target: Numbers, floor: number, core: number, rod: number }} SketchFrame
+ * @typedef {{ positions: Floats, wxyzs: Floats, colours: Uint8Array, eye: Numbers, target: Numbers,
+ *   floor: number, core: number, rod: number }} SketchFrame
  */
 /** @typedef {{ top: Colour, edge: Colour }} Wood colours of a table */
 /** @typedef {{ i: number, count: number, hidden: number, far: number }} Piece */
-/** @typedef {(x: number, y: number, z: number, at: number[]) => number} See writes the projection of a point to `at` and returns its depth */
+/**
+ * @typedef {(x: number, y: number, z: number, at: number[]) => number} See writes the projection of
+ *   a point to `at` and returns its depth
+ */
 /**
  * Messages of the page.
- * @typedef {{ is: "begin", paper: OffscreenCanvas, size: typeof size, ground: Ground | null, wood: Wood }
+ * @typedef {{ is: "begin", paper: OffscreenCanvas, size: typeof size, ground: Ground | null,
+ *   wood: Wood }
  *   | { is: "dress", ground: Ground | null, wood: Wood }
  *   | { is: "size", size: typeof size }
  *   | { is: "outline", outline: Drawn }
@@ -287,7 +300,7 @@ function draw(
         r[6] * a + r[7] * b + r[8] * c,
       );
       const shade = (/** @type {number} */ share) =>
-        `rgb(${[0, 1, 2].map((v) => Math.min(255, Math.round(colours[3 * i + v] * bright * share))).join(" ")})`;
+        rgb([0, 1, 2].map((v) => Math.min(255, Math.round(colours[3 * i + v] * bright * share))));
       if (gapped) fill(faces[f], around, shade(GAP));
       fill(faces[f], points, shade(1), edged ? EDGE : undefined);
     }
@@ -314,7 +327,7 @@ function slab({ height, thickness, outline: ring }, see, [eye, out]) {
     return visible.length > 2;
   };
   const low = height - thickness;
-  pen.fillStyle = pen.strokeStyle = `rgb(${wood.edge.join(" ")})`;
+  pen.fillStyle = pen.strokeStyle = rgb(wood.edge);
   // The edge is drawn segment by segment; the top covers those that face away.
   if (fill(ring.map(([x, y]) => [x, y, low]))) {
     ring.forEach(([x, y], k) => {
@@ -330,7 +343,7 @@ function slab({ height, thickness, outline: ring }, see, [eye, out]) {
         pen.stroke();
     });
   }
-  pen.fillStyle = `rgb(${wood.top.join(" ")})`;
+  pen.fillStyle = rgb(wood.top);
   fill(ring.map(([x, y]) => [x, y, height]));
 }
 
@@ -363,10 +376,14 @@ function inFront(points, eye, out) {
 
 // Return the visible pieces: single modules, and runs of `many` small modules of the straight tail.
 // `hidden` has a bit for each face that a neighbour covers.
-/** @param {Pick<Drawn, "modules" | "faces" | "neighbours" | "rods"> & { frame: SketchFrame, see: See, zoom: number, radius: number, width: number, height: number }} drawn */
+/**
+ * @param {Pick<Drawn, "modules" | "faces" | "neighbours" | "rods"> & { frame: SketchFrame,
+ *   see: See, zoom: number, radius: number, width: number, height: number }} drawn
+ */
 function piecesOf({ modules, faces, neighbours, rods, frame, see, zoom, radius, width, height }) {
   const { positions, colours, core } = frame;
-  const rod = rods ? Math.min(frame.rod, modules) : modules; // a straight run looks like one long module
+  // A straight run looks like one long module.
+  const rod = rods ? Math.min(frame.rod, modules) : modules;
   const all = 2 ** faces.length - 1;
   /** @type {Piece[]} */
   const pieces = [];
