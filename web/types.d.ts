@@ -548,6 +548,7 @@ interface Elements {
   open: HTMLButtonElement;
   options: HTMLFormElement;
   "paper-settings": HTMLDetailsElement;
+  "robot-settings": HTMLDetailsElement;
   "play-icon": SVGUseElement;
   play: HTMLButtonElement;
   plot: SVGSVGElement;

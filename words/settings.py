@@ -62,8 +62,8 @@ PAPER_ROWS: Final = _rows(SETTINGS, PAPER_PRESET)
 """Rows of the form for the planner settings of the preset ``paper`` (the published method), with
 their defaults."""
 ROBOT_ROWS: Final = _rows(ROBOT_SETTINGS, preset("default"))
-"""Rows of the command line's list for the settings of the simulated robots with errors that a plan
-is tested on, with their defaults."""
+"""Rows of the form for the settings of the simulated robots with errors that a plan is tested on,
+with their defaults."""
 TABLE_ROWS: Final = _rows(TABLE_SETTINGS, preset("default"))
 """Rows of the form for the planner settings of a fold on a table under gravity, with their
 defaults."""

@@ -1,8 +1,8 @@
 """Descriptions of parameters, each kept with its field: label and unit, and more for settings.
 
 A field of a parameter class whose description is a ``Setting`` can be set by name on the command
-line and in the API; settings of the published method and of tables also on the page. All of them
-take label, unit, range and help from here.
+line, in the API and on the page of a preview. All of them take label, unit, range and help from
+here.
 """
 
 from __future__ import annotations

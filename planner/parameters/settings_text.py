@@ -110,15 +110,20 @@ def read_settings(text: str) -> dict[str, Value]:
     """
     values: dict[str, Value] = {}
     if len(text) > MAX_TEXT_CHARS:
-        raise _bad(f"got {len(text)} characters of settings, expected at most {MAX_TEXT_CHARS}.")
+        raise _bad(
+            "got {chars} characters of settings, expected at most {limit}.",
+            chars=len(text),
+            limit=MAX_TEXT_CHARS,
+        )
     for part in filter(None, (part.strip() for part in text.split(","))):
         name, equals, value = (word.strip() for word in part.partition("="))
         setting = _BY_NAME.get(name)
         if setting is None or not equals:
             names = ", ".join(setting.name for setting in ALL_SETTINGS)
-            raise _bad(f"got {part[:40]!r}, expected NAME=VALUE with one of these names: {names}.")
+            expected = f"expected NAME=VALUE with one of these names: {names}."
+            raise _bad(f"got {{part!r}}, {expected}", part=part[:40])
         if name in values:
-            raise _bad(f"got two values for {name}, expected one.")
+            raise _bad("got two values for {setting}, expected one.", setting=name)
         values[name] = _value(setting, value)
     return values
 
@@ -159,7 +164,7 @@ def with_settings(parameters: Parameters, settings: Mapping[str, Value]) -> Para
             user = f"the preset {parameters.preset}, which does"
             if setting in TABLE_SETTINGS:
                 user = "a fold in the 'floating' world, which does"
-            raise _bad(f"got {name} for {user} not use it.")
+            raise _bad(f"got {{setting}} for {user} not use it.", setting=name)
         number = int(value) if setting.is_whole and isinstance(value, float) else value
         for part in set(used) & set(parts):
             parts[part] = replace(parts[part], **{name: number})
@@ -173,9 +178,11 @@ def with_settings(parameters: Parameters, settings: Mapping[str, Value]) -> Para
     turned = playback.motor_gain * playback.step_s
     if playback.controller not in ("robot", "computed-torque") and turned > MAX_TURN_PER_STEP:
         raise _bad(
-            f"got motor_gain · step_s = {turned:g}, expected at most {MAX_TURN_PER_STEP:g}; use "
-            "a smaller motor_gain or step_s, because above this limit a motor turns past its "
-            "target in each step."
+            "got motor_gain · step_s = {turn:g}, expected at most {limit:g}; use a smaller "
+            "motor_gain or step_s, because above this limit a motor turns past its target in each "
+            "step.",
+            turn=turned,
+            limit=MAX_TURN_PER_STEP,
         )
     return replace(
         parameters,
@@ -213,11 +220,11 @@ def _is_used(setting: Setting, parameters: Parameters) -> bool:
 
 
 def _value(setting: Setting, text: str) -> Value:
+    stated = {"setting": setting.name, "label": setting.label, "value": text[:20]}
+    got = "got {label} ({setting}) = {value!r}, expected"
     if setting.words:
         if text not in setting.words:
-            raise _bad(
-                f"got {setting.name} = {text[:20]!r}, expected {' or '.join(setting.words)}."
-            )
+            raise _bad(f"{got} {' or '.join(setting.words)}.", **stated)
         return text
     if setting.optional and text == NO_LIMIT:
         return None
@@ -226,11 +233,10 @@ def _value(setting: Setting, text: str) -> Value:
     if not low <= value <= high or (setting.is_whole and value != int(value)):
         kind = "a whole number" if setting.is_whole else "a number"
         none = f", or {NO_LIMIT}" if setting.optional else ""
-        raise _bad(
-            f"got {setting.name} = {text[:20]!r}, expected {kind} from {low:g} to {high:g}{none}."
-        )
+        expected = f"{kind} from {{low:g}} to {{high:g}}{none}."
+        raise _bad(f"{got} {expected}", **stated, low=low, high=high)
     return value
 
 
-def _bad(detail: str) -> InputError:
-    return InputError("bad-settings", detail)
+def _bad(template: str, **values: Any) -> InputError:
+    return InputError("bad-settings", template, **values)

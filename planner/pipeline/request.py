@@ -24,6 +24,7 @@ from foldback.planner.parameters.parameters import (
 )
 from foldback.planner.parameters.settings_text import (
     MAX_TEXT_CHARS,
+    ROBOT_SETTINGS,
     SETTINGS,
     names_with_units,
     read_settings,
@@ -107,8 +108,9 @@ class FoldRequest(PathOptions):
         "",
         title="Settings",
         help="Settings to change, for example `damping=0.05,radial_gain=0.2`. Settings of the "
-        f"presets `paper` and `direct`: {names_with_units(SETTINGS)}. The command `foldback "
-        "settings` lists all settings.",
+        f"presets `paper` and `direct`: {names_with_units(SETTINGS)}. Settings of the robots that "
+        f"the preset `default` simulates: {names_with_units(ROBOT_SETTINGS)}. The command "
+        "`foldback settings` explains all settings.",
         max_chars=MAX_TEXT_CHARS,
     )
     seed: int = option(0, title="Random seed", help="", label="Seed", range=(0, MAX_SEED))

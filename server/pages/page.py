@@ -20,7 +20,7 @@ from foldback.planner.readers.formats import READABLE_SUFFIXES
 from foldback.server.http.base_path import BASE_PATH, at
 from foldback.server.http.security import INDEXED_HEADERS
 from foldback.web.static_files import VERSIONED, code_of, scripts_of, scripts_version, text_of
-from foldback.words.settings import PAPER_ROWS, SOURCE_LABELS, TABLE_ROWS
+from foldback.words.settings import PAPER_ROWS, ROBOT_ROWS, SOURCE_LABELS, TABLE_ROWS
 
 THEME_SCRIPT: Final = "js/theme.js"
 """Script that sets the light or dark theme before the page is painted; the only inline script of
@@ -82,6 +82,7 @@ TEMPLATE_VALUES: Final[dict[str, object]] = {
     "readable_suffixes": ",".join(READABLE_SUFFIXES),
     "paper_settings": PAPER_ROWS,
     "table_settings": TABLE_ROWS,
+    "robot_settings": ROBOT_ROWS,
     "options": options_of(FoldRequest),
     "setting_sources": SOURCE_LABELS,
     "entry": entry,

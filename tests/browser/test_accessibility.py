@@ -136,13 +136,15 @@ def test_preview_is_accessible(visit: Visit) -> None:
     preview_file(page, "brick.stl", stl())
     page.locator("#cover.drawn, #cover.gone").wait_for(state="attached")
     page.locator(".more > summary").click()
+    page.locator("#robot-settings > summary").click()
+    computed_findings.append(findings(page))
     page.locator("#preset").select_option("paper")
     page.locator("#paper-settings > summary").click()
     computed_findings.append(findings(page))
     page.locator("[name=world][value=table]").check(force=True)
     wait_for_preview(page)
     expect(page.locator("#table-settings")).to_be_visible()
-    assert [*computed_findings, findings(page)] == 3 * [{}]
+    assert [*computed_findings, findings(page)] == 4 * [{}]
 
 
 def test_folds_are_accessible(visit: Visit, service: Service, tmp_path: Path) -> None:

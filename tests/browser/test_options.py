@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from foldback.planner.parameters.settings_text import SETTINGS
+from foldback.planner.parameters.settings_text import ROBOT_SETTINGS, SETTINGS
 from foldback.planner.plan.plan import Plan
 from tests.browser.conftest import (
     WIDTH,
@@ -40,9 +40,10 @@ def test_paper_settings_are_offered_validated_and_shown(visit: Visit, service: S
     damping.fill("2")
     page.locator("#fold").click()
     expect(page.locator("#problem")).to_have_text(
-        "Settings: got Damping = '2', expected a number from 0 to 0.9."
+        "Settings: got Damping (damping) = '2', expected a number from 0 to 0.9."
     )
     expect(damping).to_be_focused()
+    expect(damping).to_have_attribute("aria-invalid", "true")
     damping.fill("0,12")
     page.locator("[name=step_s]").fill("0.01")  # defaults are not sent
     page.locator("#fold").click()
@@ -53,6 +54,27 @@ def test_paper_settings_are_offered_validated_and_shown(visit: Visit, service: S
     changed = page.locator(".group", has=page.locator("summary", has_text="Changed settings"))
     changed.locator("summary").click()
     expect(changed).to_contain_text("instead of 0.1")
+
+
+@pytest.mark.long
+def test_settings_of_robots_are_offered_and_validated(visit: Visit, service: Service) -> None:
+    preview = service.preview("stairs.json", json.dumps(STAIRS[:6]))
+    page = visit(preview["links"]["page"], width=390, height=844, view=False)
+    wait_for_preview(page)
+    settings = page.locator("#robot-settings")
+    page.locator(".more > summary").click()
+    settings.locator("summary").click()
+    expect(settings.locator("input")).to_have_count(len(ROBOT_SETTINGS))
+    masses = page.locator("[name=mass_error]")
+    masses.fill("9")
+    assert page.evaluate(WIDTH) <= 390
+    settings.locator("summary").click()
+    page.locator("#fold").click()
+    expect(masses).to_be_focused()
+    expect(page.locator("#problem")).to_contain_text("got Mass error (mass_error) = '9', expected")
+    masses.fill("0.05")
+    page.locator("#fold").click()
+    assert service.state(wait_for_fold(page))["settings"] == "mass_error=0.05"
 
 
 @pytest.mark.long

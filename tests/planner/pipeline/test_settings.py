@@ -124,7 +124,7 @@ def test_read_settings_refuses_other_names_and_values() -> None:
     for text, words in (
         ("speed=1", "got 'speed=1', expected NAME=VALUE with one of these names: radial_gain"),
         ("damping", "got 'damping', expected NAME=VALUE"),
-        ("damping=", "damping = '', expected a number from 0 to 0.9"),
+        ("damping=", "got Damping (damping) = '', expected a number from 0 to 0.9"),
         ("damping=nan", "expected a number from 0 to 0.9"),
         ("damping=1", "expected a number from 0 to 0.9"),
         ("damping=1_0e-2", "expected a number from 0 to 0.9"),
@@ -133,9 +133,9 @@ def test_read_settings_refuses_other_names_and_values() -> None:
         ("steps_per_snapshot=1.5", "expected a whole number from 0 to 1000"),
         ("snapshot_interval=1e999", "expected a whole number from 1 to 1000"),
         ("simulated_modules=1e9", "expected a whole number from 2 to 20000"),
-        ("table_base=held", "got table_base = 'held', expected clamped or free"),
-        ("table_base=1", "got table_base = '1', expected clamped or free"),
-        ("table_base=", "got table_base = '', expected clamped or free"),
+        ("table_base=held", "got Base (table_base) = 'held', expected clamped or free"),
+        ("table_base=1", "got Base (table_base) = '1', expected clamped or free"),
+        ("table_base=", "got Base (table_base) = '', expected clamped or free"),
         ("damping=0.1,damping=0.2", "got two values for damping, expected one"),
         ("a" * 501, "got 501 characters of settings, expected at most 500"),
     ):

@@ -108,13 +108,18 @@ test("a fold on a table has cubes, the default preset and no preference", () => 
   preview.change({ world: "table" });
   assert.equal(preview.query, "?world=table");
   assert.deepEqual(
-    [preview.preset, preview.prefer, preview.choosing],
-    ["default", "computing", false],
+    [preview.preset, preview.prefer, preview.choosing, preview.settable],
+    ["default", "computing", false, "table"],
   );
   preview.change({ method: "blocks", repair: true });
   assert.equal(preview.options.method, "blocks");
   preview.change({ world: "floating" }); // repairs and blocks are chosen for one world
   assert.equal(preview.query, "");
+  const settable = ["default", "paper", "direct"].map((preset) => {
+    preview.plan(preset, "computing");
+    return preview.settable;
+  });
+  assert.deepEqual(settable, ["robot", "paper", undefined]);
 });
 
 test("the expected time depends on the preset and the preference", () => {

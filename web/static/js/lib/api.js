@@ -18,11 +18,13 @@ export class Refusal extends Error {
    * @param {string} words
    * @param {number} status 0 if the server cannot be reached
    * @param {string} code error code of the API; empty if there is none
+   * @param {Record<string, any>} values that the words name
    */
-  constructor(words, status = 0, code = "") {
+  constructor(words, status = 0, code = "", values = {}) {
     super(words);
     this.status = status;
     this.code = code;
+    this.values = values;
   }
 
   // True if a retry would be refused as well.
@@ -63,8 +65,10 @@ export function contentOf(status, text) {
   } catch {
     /* no JSON */
   }
-  if (status < 200 || status > 299)
-    throw new Refusal(refusalWords(content, status), status, /** @type {Refused} */ (content).code);
+  if (status < 200 || status > 299) {
+    const { code, values } = /** @type {Refused} */ (content);
+    throw new Refusal(refusalWords(content, status), status, code, values);
+  }
   return content;
 }
 

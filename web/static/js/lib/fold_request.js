@@ -1,5 +1,5 @@
 // Requests for folds.
-import { formOf, keepToken, ownKey } from "./api.js";
+import { Refusal, formOf, keepToken, ownKey } from "./api.js";
 import { at, wordsOf } from "./text.js";
 import { upload } from "./upload.js";
 
@@ -23,7 +23,7 @@ export async function requestFold(body, options = {}) {
 // Request a fold and go to its page. Return true if the page is left; report a refusal with `say`.
 /**
  * @param {FormData | Form} body
- * @param {(words: string) => void} say
+ * @param {(words: string, values: Record<string, any>) => void} say
  * @param {...HTMLButtonElement} buttons that are disabled meanwhile
  */
 export async function openFold(body, say, ...buttons) {
@@ -32,7 +32,7 @@ export async function openFold(body, say, ...buttons) {
     location.href = at(`/folds/${(await requestFold(body)).id}`);
     return true;
   } catch (error) {
-    say(wordsOf(error));
+    say(wordsOf(error), error instanceof Refusal ? error.values : {});
     for (const button of buttons) button.disabled = false;
     return false;
   }

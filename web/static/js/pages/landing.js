@@ -1,6 +1,6 @@
 // The landing page: accepts files and shapes, and plays the featured fold.
 import { playHero } from "../player/hero.js";
-import { changed, follow, refused } from "../panels/paper_settings.js";
+import { changed, follow, mark } from "../panels/settings.js";
 import { at, get, later, opensElsewhere, wordsOf } from "../lib/text.js";
 
 const drop = get("drop");
@@ -66,9 +66,10 @@ async function start(fields, label) {
   const preset = get("preset").value;
   const settings = preset === "paper" ? changed() : {};
   const leaving = await asking(({ openFold }) =>
-    openFold({ ...fields, ...presetAndSeed(), ...settings }, (problem) =>
-      say(refused(problem), "bad"),
-    ),
+    openFold({ ...fields, ...presetAndSeed(), ...settings }, (problem, values) => {
+      say(problem, "bad");
+      mark(values);
+    }),
   );
   if (resting && !leaving) player.send({ do: "play" });
 }

@@ -1,7 +1,7 @@
 // The preview page: connects its controls, and requests reports, offers and a fold.
 import { Refusal, ask, formOf, ownKey, tokenOf } from "../lib/api.js";
 import { UNREACHABLE, at, element, get, later, sentence } from "../lib/text.js";
-import { fieldsOf, fill, refused, settingsOf } from "../panels/paper_settings.js";
+import { fieldsOf, fill, mark, settingsOf } from "../panels/settings.js";
 import { Preview, verdictOf } from "../panels/preview_state.js";
 import {
   Picture,
@@ -226,7 +226,7 @@ for (const name of ["pointerenter", "focus"])
   get("fold").addEventListener(name, loadAhead, { once: true });
 
 get("fold").onclick = async () => {
-  const { report, preset, prefer } = preview;
+  const { report, prefer } = preview;
   if (!report) return;
   improving.abort();
   working(false);
@@ -235,11 +235,8 @@ get("fold").onclick = async () => {
   button.textContent = "Sending…";
   showProblem("");
   picture.hold();
-  const settings = preview.onTable
-    ? settingsOf(get("table-settings"))
-    : preset === "paper"
-      ? settingsOf(get("paper-settings"))
-      : "";
+  const { settable } = preview;
+  const settings = settable && settingsOf(get(`${settable}-settings`));
   const opened = requesting(({ openFold }) =>
     openFold(
       {
@@ -249,9 +246,9 @@ get("fold").onclick = async () => {
         ...(settings && { settings }),
         ...(report.as_voxels && { as_voxels: true }),
       },
-      (words) => {
+      (words, values) => {
         showProblem(words); // reserves its space first, so that the field stays visible
-        showProblem(refused(words));
+        mark(values);
       },
     ),
   );
@@ -270,7 +267,7 @@ addEventListener("pageshow", (event) => {
   }
 });
 showOptions(preview);
-fill(preview.onTable ? get("table-settings") : get("paper-settings"), facts.options.settings ?? "");
+if (preview.settable) fill(get(`${preview.settable}-settings`), facts.options.settings ?? "");
 look();
 if (!get("compilation").hidden) {
   import("../panels/compilation.js").then(({ followCompilation }) =>

@@ -1,8 +1,8 @@
 // Dialogs that continue from a fold: comparison with
 // another fold, and refolding into another shape.
-import { ask } from "../lib/api.js";
+import { Refusal, ask } from "../lib/api.js";
 import { requestFold } from "../lib/fold_request.js";
-import { changed, open, refused } from "./paper_settings.js";
+import { changed, mark, open } from "./settings.js";
 import { Sending } from "./upload_progress.js";
 import { addStyle } from "../lib/lazy_styles.js";
 import { at, element, get, toast, wordsOf } from "../lib/text.js";
@@ -57,7 +57,8 @@ async function comparePublished(id, form, settable) {
     location.href = at(`/compare?a=${id}&b=${(await requestFold({ ...form, ...settings })).id}`);
     return false;
   } catch (error) {
-    get("compare-message").textContent = refused(wordsOf(error));
+    get("compare-message").textContent = wordsOf(error);
+    if (error instanceof Refusal) mark(error.values);
     return true;
   }
 }

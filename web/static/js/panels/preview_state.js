@@ -171,7 +171,15 @@ export class Preview {
   }
 
   get choosing() {
-    return this.preset === "default" && !this.onTable;
+    return this.settable === "robot";
+  }
+
+  // Return the settings that can be changed: of the table, the published method, or the robots.
+  get settable() {
+    if (this.onTable) return "table";
+    return { paper: /** @type {const} */ ("paper"), default: /** @type {const} */ ("robot") }[
+      this.preset
+    ];
   }
 
   /** @param {Api.Preview} report */

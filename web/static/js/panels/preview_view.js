@@ -3,7 +3,7 @@
 import { at, button, element, get, sentence, integerText } from "../lib/text.js";
 import { PreviewStage } from "../viewer/preview_scene.js";
 import { hasWebGL, load } from "../viewer/scene.js";
-import { showFor } from "./paper_settings.js";
+import { showFor } from "./settings.js";
 import {
   figuresOf,
   isLossy,
@@ -82,7 +82,8 @@ export function showOptions(preview) {
   get("prefer").value = prefer;
   get("prefer-part").hidden = !choosing;
   get("prefer-hint").textContent = get("prefer").selectedOptions[0].dataset.hint ?? "";
-  get("table-settings").hidden = !onTable;
+  get("table-settings").hidden = preview.settable !== "table";
+  get("robot-settings").hidden = preview.settable !== "robot";
   get("expected").textContent = preview.expected;
   showFor(preset);
 }

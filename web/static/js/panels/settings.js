@@ -1,8 +1,7 @@
-// Settings of the published method: empty fields mean the published values.
+// Settings of the published method, of robots and of tables: empty fields mean the defaults.
 import { get } from "../lib/text.js";
 
 const root = get("paper-settings");
-const fields = [...root.querySelectorAll("input")];
 
 // Show the settings only for the published preset.
 /** @param {string} preset */
@@ -65,19 +64,21 @@ export function changed() {
   return settings ? { settings } : {};
 }
 
-// Open the settings and focus a field.
-export function open(field = fields[0]) {
+// Open the settings of the published method and focus the first one.
+export function open() {
   root.open = true;
-  field.focus();
+  inputsIn(root)[0].focus();
 }
 
-// Return a refusal with the label of its field, and mark and show that field.
-/** @param {string} refusal */
-export function refused(refusal) {
-  const bad = fields.find(({ name }) => refusal.includes(` ${name} = `));
-  for (const field of fields) field.toggleAttribute("aria-invalid", false);
-  if (!bad) return refusal;
-  bad.setAttribute("aria-invalid", "true");
-  open(bad);
-  return refusal.replace(` ${bad.name} = `, ` ${bad.dataset.label} = `);
+// Mark and show the field of the setting that is the reason of a refusal.
+/** @param {Record<string, any>} values of the refusal */
+export function mark({ setting }) {
+  for (const field of inputsIn(document.body)) {
+    field.removeAttribute("aria-invalid");
+    if (field.name !== setting || !("setting" in field.dataset)) continue;
+    field.setAttribute("aria-invalid", "true");
+    for (const part of document.querySelectorAll("details"))
+      if (part.contains(field)) part.open = true;
+    field.focus();
+  }
 }
