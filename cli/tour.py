@@ -16,6 +16,7 @@ from foldback.planner.errors import InputError, TimelineError
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.pipeline.fold_layout import result_path, stored_moments
 from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.moments import Moments
 from foldback.planner.plan.tour import Tour
 from foldback.planner.storage.file_names import TIMELINE, TOUR
 from foldback.planner.storage.files import json_of, write_whole
@@ -60,6 +61,20 @@ def drafted(directory: Path) -> Tour:
     Raises:
         InputError: If there is no plan or timeline, or the timeline is damaged or empty.
     """
+    drafted = draft_tour(*facts_of(directory))
+    if drafted is None:
+        raise InputError(
+            "no-frames", "got a fold without frames, expected a fold with at least one frame."
+        )
+    return drafted
+
+
+def facts_of(directory: Path) -> tuple[ShownFold, int, Moments | None]:
+    """Return the facts, the number of frames and the moments of a fold's directory.
+
+    Raises:
+        InputError: If there is no plan or timeline, or the timeline is damaged.
+    """
     plan = read_plan(directory)
     summary = plan.summary()
     row = ShownFold(
@@ -74,15 +89,9 @@ def drafted(directory: Path) -> Tour:
     )
     try:
         moments = stored_moments(directory) or Workspace(directory).find_moments(plan)
-        frames = len(Timeline.open(result_path(directory, TIMELINE)))
+        return row, len(Timeline.open(result_path(directory, TIMELINE))), moments
     except TimelineError as error:
         raise InputError("no-frames", f"{error}") from error
-    drafted = draft_tour(row, frames, moments)
-    if drafted is None:
-        raise InputError(
-            "no-frames", "got a fold without frames, expected a fold with at least one frame."
-        )
-    return drafted
 
 
 def _write(out: Path, tour: Tour) -> None:

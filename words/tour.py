@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, Literal, NamedTuple
 
 from foldback.planner.certificate.figures import CertificateFigures
 from foldback.planner.chain.display_names import clean_name
@@ -19,6 +19,28 @@ LINKS: Final = ("none", "one", "two", "three", "four")
 """Small numbers as words."""
 
 
+StopKind = Literal[
+    "start",
+    "first-shape",
+    "straight",
+    "step",
+    "contact",
+    "tightest",
+    "knot",
+    "torque",
+    "direct",
+    "end",
+    "failure",
+]
+
+
+class DraftStop(NamedTuple):
+    """A stop of a draft, and what it shows."""
+
+    kind: StopKind
+    stop: Stop
+
+
 def draft_tour(row: ShownFold, frames: int, moments: Moments | None = None) -> Tour | None:
     """Return a tour of a finished fold from straight to folded; None without frames.
 
@@ -27,32 +49,38 @@ def draft_tour(row: ShownFold, frames: int, moments: Moments | None = None) -> T
         frames: Number of frames of its timeline.
         moments: Moments of the fold; without them, the stops come from the certificate only.
     """
+    stops = draft_stops(row, frames, moments)
+    return Tour(title=_title(row), stops=tuple(stop for _, stop in stops)) if stops else None
+
+
+def draft_stops(row: ShownFold, frames: int, moments: Moments | None = None) -> list[DraftStop]:
+    """Return the stops of ``draft_tour``; none without frames."""
     if not frames:
-        return None
+        return []
     certificate = row.summary.get("certificate") or CertificateFigures()
-    title = clean_name(row.title, max_length=MAX_TITLE) or "A fold"
     if row.status == "failed" or not certificate.get("frames"):
-        return Tour(title=title, stops=_failed(row, frames))
+        first, last = _failed(row, frames)
+        return [DraftStop("start", first), DraftStop("failure", last)]
     stored_moments = moments or _bare(certificate, frames)
+    stops = _start(row, stored_moments)
+    end = _done(certificate, _title(row), frames)
     if stored_moments.steps:
-        last = _done(certificate, title, frames)
-        return Tour(
-            title=title, stops=(*_start(row, stored_moments), *_steps(stored_moments), last)
-        )
-    between = [
-        stop
-        for stop in (
-            _contact(stored_moments),
-            _tightest(certificate, stored_moments.plan),
-            _knot(stored_moments),
-            _torque(certificate, stored_moments),
-            _direct(stored_moments),
-        )
-        if stop is not None
-    ]
-    stops = [*_start(row, stored_moments), *between]
-    stops.sort(key=lambda stop: stop.frame)
-    return Tour(title=title, stops=(*stops, _done(certificate, title, frames)))
+        stops += [DraftStop("step", stop) for stop in _steps(stored_moments)]
+        return [*stops, DraftStop("end", end)]
+    between: dict[StopKind, Stop | None] = {
+        "contact": _contact(stored_moments),
+        "tightest": _tightest(certificate, stored_moments.plan),
+        "knot": _knot(stored_moments),
+        "torque": _torque(certificate, stored_moments),
+        "direct": _direct(stored_moments),
+    }
+    stops += [DraftStop(kind, stop) for kind, stop in between.items() if stop is not None]
+    stops.sort(key=lambda shown: shown.stop.frame)
+    return [*stops, DraftStop("end", end)]
+
+
+def _title(row: ShownFold) -> str:
+    return clean_name(row.title, max_length=MAX_TITLE) or "A fold"
 
 
 def _bare(certificate: CertificateFigures, frames: int) -> Moments:
@@ -61,20 +89,18 @@ def _bare(certificate: CertificateFigures, frames: int) -> Moments:
     return Moments(plan=plan, straight=plan, frames=frames)
 
 
-def _start(row: ShownFold, moments: Moments) -> list[Stop]:
+def _start(row: ShownFold, moments: Moments) -> list[DraftStop]:
     kind = "cubes" if row.module == CUBE.name else "tetrahedra"
     joints = row.summary.get("joints")
     chain = f"{row.modules} {kind}" + (f" in a row, with {joints} joints" if joints else "")
     straight = f"The chain is straight: {chain}. Now it folds."
     if not (refold := row.summary.get("refold")):
-        return [_stop(straight, moments.straight)]
-    first = _stop(
-        f"First, the chain has another shape: {shown_name(refold['start'])}. It unfolds.",
-        moments.plan,
-    )
-    if moments.straight == moments.plan:  # the frame at which it is straight is unknown
-        return [first]
-    return [first, _stop(straight, moments.straight)]
+        return [DraftStop("straight", _stop(straight, moments.straight))]
+    text = f"First, the chain has another shape: {shown_name(refold['start'])}. It unfolds."
+    stops = [DraftStop("first-shape", _stop(text, moments.plan))]
+    if moments.straight != moments.plan:  # the frame at which it is straight is known
+        stops.append(DraftStop("straight", _stop(straight, moments.straight)))
+    return stops
 
 
 def _steps(moments: Moments) -> list[Stop]:

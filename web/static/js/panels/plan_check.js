@@ -167,6 +167,8 @@ export class Checking {
     }
     this.end();
     get("check-said").textContent = outcome(way, message);
+    get("check-said").dataset.outcome = message.is;
+    get("check-said").dataset.seconds = message.is === "proved" ? String(message.seconds) : "";
     get("check-said").className = message.is === "proved" && !message.said.limits ? "" : "bad";
     const at = message.is === "refused" ? message.place : (message.touch ?? message.tightest);
     get("check-where").hidden = !at;
