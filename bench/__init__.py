@@ -1,1 +1,1 @@
-"""Benchmarks that anyone can rerun: ``make bench`` prints tables and writes ``out/bench.json``."""
+"""Benchmarks that anyone can rerun: ``make bench`` prints figures and writes ``out/bench.json``."""

@@ -16,7 +16,6 @@ from bench.hard_paths import hard_paths
 from bench.likeness import likeness, likeness_folds, likeness_tetrahedra, previews
 from bench.long_folds import long_folds
 from bench.machine import machine
-from bench.measured_tables import write_sections
 from bench.meshes import meshes
 from bench.page_speed import page_speed
 from bench.paths import paths
@@ -25,6 +24,7 @@ from bench.plan_files import plan_files
 from bench.portfolio import portfolio
 from bench.refolds import refolds
 from bench.scaling import scaling
+from bench.sections import write_sections
 from bench.service.browser_check import browser_check
 from bench.service.compiling import compiling
 from bench.service.dropped_mesh import dropped_mesh

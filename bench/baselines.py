@@ -6,7 +6,7 @@ from typing import Any
 
 from bench.command import fold
 from bench.folds import PAPER_STEPS
-from bench.measured_tables import Section
+from bench.sections import Section
 
 DIRECT_SHAPES = (
     "wrench-24",

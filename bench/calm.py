@@ -16,7 +16,7 @@ import numpy as np
 from rich.console import Console
 
 from bench.machine import processor_seconds
-from bench.measured_tables import Section
+from bench.sections import Section
 from bench.success_map.__main__ import path_of
 from foldback.planner.chain.module import CUBE
 from foldback.planner.chain.path import Path

@@ -17,8 +17,8 @@ import httpx
 import psutil
 from playwright.sync_api import Page, sync_playwright
 
-from bench.measured_tables import Section
 from bench.page_speed import HERO, MOVING
+from bench.sections import Section
 from tests.browser.conftest import FLAGS
 from tests.tools import CHROMIUM
 

@@ -7,7 +7,7 @@ from multiprocessing import get_context
 from typing import Any
 
 from bench.command import Run, fold
-from bench.measured_tables import Section
+from bench.sections import Section
 from examples.run_gallery import PROCESSES, fold_shape
 from examples.run_gallery import SHAPES as GALLERY
 from foldback.planner.pipeline.warm_up import warm_up

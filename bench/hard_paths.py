@@ -21,8 +21,8 @@ import numpy as np
 from rich.console import Console
 
 from bench.held_out_meshes import HELD_OUT, tube
-from bench.measured_tables import Section
 from bench.meshes import Mesh
+from bench.sections import Section
 from bench.success_map.__main__ import path_of
 from bench.success_map.stored import run_missing, version_of
 from foldback.planner.chain.path import Path as CellPath

@@ -15,8 +15,8 @@ import numpy as np
 
 from bench.command import fold
 from bench.held_out_meshes import HELD_OUT
-from bench.measured_tables import Section
 from bench.meshes import MESHES, Mesh
+from bench.sections import Section
 from bench.thin_meshes import THIN, WALLS
 from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.errors import InputError

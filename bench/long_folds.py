@@ -8,8 +8,8 @@ from pathlib import Path
 from playwright.sync_api import Browser, Page, Response, sync_playwright
 
 from bench.command import playing
-from bench.measured_tables import Section
 from bench.page_speed import PLAY
+from bench.sections import Section
 from tests.browser.conftest import FLAGS
 from tests.planner import peels
 from tests.tools import CHROMIUM

@@ -16,7 +16,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from bench.command import watched
-from bench.measured_tables import Section
+from bench.sections import Section
 from foldback.planner.shapes.solid import Solid
 from foldback.planner.shapes.voxelise import voxelise
 

@@ -14,7 +14,7 @@ import numpy as np
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from bench.command import playing
-from bench.measured_tables import Section
+from bench.sections import Section
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.path import Path as CellPath
 from foldback.planner.motion.motion import Motion

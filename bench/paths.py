@@ -17,7 +17,7 @@ import numpy as np
 
 from bench.feasible_sets import FeasibleSet, feasible_sets
 from bench.hard_sets import hard_sets
-from bench.measured_tables import Section
+from bench.sections import Section
 from foldback.planner.chain.path import Path as ChainPath
 from foldback.planner.pathfinding.block_merging import block_path
 from foldback.planner.pathfinding.exact_search import exact_path

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from bench.measured_tables import Section
+from bench.sections import Section
 from foldback.planner.motion.angle_encoding import quantised
 from foldback.planner.motion.motion import Motion
 from foldback.planner.parameters.parameters import Parameters

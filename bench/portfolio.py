@@ -16,7 +16,7 @@ import trimesh
 from rich.console import Console
 
 from bench.machine import processor_seconds
-from bench.measured_tables import Section
+from bench.sections import Section
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.warm_up import warm_up

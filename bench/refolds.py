@@ -14,8 +14,8 @@ from typing import Any
 
 from rich.console import Console
 
-from bench.measured_tables import Section
 from bench.meshes import revolved
+from bench.sections import Section
 from examples.run_gallery import SHAPES
 from foldback.planner.pipeline.fold import refold
 from foldback.planner.pipeline.request import FoldRequest

@@ -18,7 +18,7 @@ from rich.console import Console
 
 from bench.command import fold
 from bench.machine import machine
-from bench.measured_tables import Section
+from bench.sections import Section
 from foldback.planner.chain.path import Path
 from foldback.planner.pathfinding.assembly import layered_snake
 from foldback.planner.pipeline.warm_up import warm_up

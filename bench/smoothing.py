@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from bench.measured_tables import Section
+from bench.sections import Section
 from examples.run_gallery import SHAPES
 from foldback.planner.pipeline.fold import smooth_plan
 from foldback.planner.pipeline.request import FoldRequest

@@ -19,9 +19,9 @@ from rich.console import Console
 
 from bench.command import Run, fold
 from bench.machine import machine
-from bench.measured_tables import Section
 from bench.scaling import CASES, LONGER
 from bench.scaling import Case as Command
+from bench.sections import Section
 from bench.success_map.__main__ import path_of
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.path import Path as CellPath

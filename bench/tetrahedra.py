@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from bench.command import Run, fold
-from bench.measured_tables import Section
+from bench.sections import Section
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.honeycomb import ring_pairs
 from foldback.planner.clearance.margins import largest_size

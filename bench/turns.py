@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.measured_tables import Section
+from bench.sections import Section
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import CUBE, TETRAHEDRON

@@ -29,7 +29,7 @@ from foldback.planner.exports.trajectory import (
     sufficient_rate,
 )
 from foldback.planner.plan.plan import Plan
-from foldback.planner.robot.motors import Build, MotorTable, motor_table
+from foldback.planner.robot.motors import Build, MotorRequirements, motor_requirements
 from foldback.planner.robot.retiming import retime as retime_plan
 from foldback.planner.robot.trajectory import Trajectory
 from foldback.planner.storage.files import written_aside
@@ -87,7 +87,7 @@ def retime(
         build = _build(plan, module_mass, pitch, gravity, floating=floating)
         motors = None
         if build is not None:
-            motors = motor_table(
+            motors = motor_requirements(
                 plan.chain, retimed.trajectory, build, motor_torque_nm=motor_torque
             )
         files = {out: b"".join(parts)}
@@ -238,7 +238,7 @@ def _clearance_words(clear: Sweep, sufficient_hz: float | None) -> str:
     return words if sufficient_hz is None else f"{words}; use --rate {sufficient_hz:g}"
 
 
-def _show(facts: list[tuple[str, str]], motors: MotorTable | None, out: Path) -> None:
+def _show(facts: list[tuple[str, str]], motors: MotorRequirements | None, out: Path) -> None:
     console = Console(highlight=False)
     table = Table(box=None, show_header=False, pad_edge=False)
     for fact in facts:

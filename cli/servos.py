@@ -211,13 +211,13 @@ def _show(
     title = f"Pitch {1e3 * sizing.pitch_m:g} mm, {sizing.casing.about}, {share}"
     console = Console(highlight=False)
     timed = any(row["least_s"] is not None for row in rows)
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    grid = Table(title=title, title_justify="left", box=None, pad_edge=False)
     headings = ("Servo", "Module,\ng", "Needs,\nN·m", "Gives,\nN·m", "Gives,\nw·p", "Pitch,\nmm")
     for heading in headings:
-        table.add_column(heading, justify="left" if heading == "Servo" else "right", no_wrap=True)
+        grid.add_column(heading, justify="left" if heading == "Servo" else "right", no_wrap=True)
     if timed:
-        table.add_column("Folding\ntime, s", justify="right", no_wrap=True)
-    table.add_column("Suitable,\ngives ÷ needs")
+        grid.add_column("Folding\ntime, s", justify="right", no_wrap=True)
+    grid.add_column("Suitable,\ngives ÷ needs")
     for fit, row in zip(fits, rows, strict=True):
         cells = [
             f"{fit.servo.maker} {fit.servo.name}",
@@ -231,8 +231,8 @@ def _show(
             cells.append("–" if row["least_s"] is None else f"{row['least_s']:.2g}")
         unsaid = "" if fit.servo.turns_enough else " ?"
         answer = f"yes, {fit.margin:.1f}×{unsaid}" if fit.would_do else ", ".join(fit.against)
-        table.add_row(*cells, answer)
-    console.print(table)
+        grid.add_row(*cells, answer)
+    console.print(grid)
     if any(fit.would_do and not fit.servo.turns_enough for fit in fits):
         console.print(f"? The servo's range is unknown; a hinge needs {MIN_SERVO_RANGE_DEG:g}°.")
     if not figures:

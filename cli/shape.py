@@ -134,22 +134,22 @@ def no_path(prepared: Preparation) -> str:
 
 def show(report: dict[str, Any], out: Path) -> None:
     """Print the result of reading the input."""
-    table = Table(box=None, show_header=False, pad_edge=False)
-    table.add_row("Input", report["kind"])
-    table.add_row("Modules", str(report["modules"]))
+    grid = Table(box=None, show_header=False, pad_edge=False)
+    grid.add_row("Input", report["kind"])
+    grid.add_row("Modules", str(report["modules"]))
     if (likeness_text := likeness_words(report["likeness"])) is not None:
-        table.add_row("Likeness", likeness_text)
+        grid.add_row("Likeness", likeness_text)
         near = [str(n) for n in (report["below"], report["above"]) if n is not None]
         if near:
-            table.add_row("Nearest possible numbers of modules", ", ".join(near))
+            grid.add_row("Nearest possible numbers of modules", ", ".join(near))
     if report["reach"]:
-        table.add_row("Modules needed", reach_words(report["reach"], MAX_CELLS))
+        grid.add_row("Modules needed", reach_words(report["reach"], MAX_CELLS))
     if report["method"]:
-        table.add_row("Path method", f"{report['method']}, {report['candidates']} candidates")
+        grid.add_row("Path method", f"{report['method']}, {report['candidates']} candidates")
     if report["knot"] is not None:
-        table.add_row("Knot in the path", KNOT_WORDS[report["knot"]["verdict"]])
+        grid.add_row("Knot in the path", KNOT_WORDS[report["knot"]["verdict"]])
     for note in report["notes"]:
-        table.add_row("Note", note)
+        grid.add_row("Note", note)
     if report["has_path"]:
-        table.add_row("Written to", str(out))
-    Console().print(table)
+        grid.add_row("Written to", str(out))
+    Console().print(grid)

@@ -41,10 +41,10 @@ def tour(
     if as_json:
         print(json.dumps(draft.as_dict()), flush=True)
         return
-    table = Table(box=None, show_header=False, pad_edge=False)
+    grid = Table(box=None, show_header=False, pad_edge=False)
     for stop in draft.stops:
-        table.add_row(f"Frame {stop.frame}", stop.caption)
-    Console(highlight=False).print(table)
+        grid.add_row(f"Frame {stop.frame}", stop.caption)
+    Console(highlight=False).print(grid)
 
 
 def stored_tour(directory: Path) -> Tour | None:

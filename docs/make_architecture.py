@@ -172,8 +172,8 @@ def summary_of(component: str) -> str:
     return (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").partition("\n")[0]
 
 
-def table() -> str:
-    """Return the components from the top down as a table in Markdown."""
+def markdown_rows() -> str:
+    """Return the components from the top down as rows in Markdown."""
     lines = ["| component | purpose | files |", "|---|---|---|"]
     for component in (component for layer in reversed(LAYERS) for component in layer):
         names = ", ".join(f"`{path.stem}`" for path in files_of(component))
@@ -181,11 +181,11 @@ def table() -> str:
     return "\n".join(lines) + "\n"
 
 
-def with_table(page: str) -> str:
-    """Return the page with a current table."""
+def with_rows(page: str) -> str:
+    """Return the page with current rows."""
     before, _, page_end = page.partition(BEGIN)
     _, _, after = page_end.partition(END)
-    return f"{before}{BEGIN}\n{table()}\n{END}{after}"
+    return f"{before}{BEGIN}\n{markdown_rows()}\n{END}{after}"
 
 
 def draw() -> str:
@@ -240,4 +240,4 @@ def draw() -> str:
 
 if __name__ == "__main__":
     PICTURE.write_text(draw(), encoding="utf-8")
-    PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    PAGE.write_text(with_rows(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Write the table of a certificate's figures in certificate.md.
+"""Write the rows of a certificate's figures in certificate.md.
 
 A test fails if it is outdated; run ``python -m docs.make_figures`` then.
 """
@@ -14,8 +14,8 @@ PAGE: Final = Path(__file__).parent / "certificate.md"
 BEGIN, END = "<!-- figures -->\n", "<!-- end of figures -->\n"
 
 
-def table() -> str:
-    """Return the figures as a table in Markdown, one per line."""
+def markdown_rows() -> str:
+    """Return the figures as rows in Markdown, one per line."""
     lines = [
         "| figure | label on pages | unit | computed from | meaning |",
         "|---|---|---|---|---|",
@@ -27,10 +27,10 @@ def table() -> str:
 
 
 def page(text: str) -> str:
-    """Return a page with a current table."""
+    """Return a page with current rows."""
     before, _, rest = text.partition(BEGIN)
     _, _, after = rest.partition(END)
-    return f"{before}{BEGIN}\n{table()}\n{END}{after}"
+    return f"{before}{BEGIN}\n{markdown_rows()}\n{END}{after}"
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Write the texts derived from a fold's options: the table in api.md and the client's types.
+"""Write the texts derived from a fold's options: the rows in api.md and the client's types.
 
 A test fails if one of them is outdated; run ``python -m docs.make_options`` then.
 """
@@ -29,8 +29,8 @@ from typing import Literal, TypedDict
 '''
 
 
-def table(request: type[Any] = FoldRequest) -> str:
-    """Return the options as a table in Markdown, one per line."""
+def markdown_rows(request: type[Any] = FoldRequest) -> str:
+    """Return the options as rows in Markdown, one per line."""
     lines = ["| option | values | default | meaning |", "|---|---|---|---|"]
     for name, option in options_of(request).items():
         meaning = (option.meaning or f"{option.title}.").replace("|", "\\|")
@@ -40,10 +40,10 @@ def table(request: type[Any] = FoldRequest) -> str:
 
 
 def page(text: str, request: type[Any] = FoldRequest) -> str:
-    """Return a page with a current table."""
+    """Return a page with current rows."""
     before, _, page_end = text.partition(BEGIN)
     _, _, after = page_end.partition(END)
-    return f"{before}{BEGIN}\n{table(request)}\n{END}{after}"
+    return f"{before}{BEGIN}\n{markdown_rows(request)}\n{END}{after}"
 
 
 def client_types(request: type[Any] = FoldRequest) -> str:

@@ -1,4 +1,4 @@
-"""Write the table of servos in robot.md; a test fails if it is outdated."""
+"""Write the rows of servos in robot.md; a test fails if it is outdated."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ COLUMNS = (
 )
 
 
-def table() -> str:
-    """Return the table in Markdown: one servo per line, with a link to the source of its data."""
+def markdown_rows() -> str:
+    """Return the rows in Markdown: one servo per line, with a link to the source of its data."""
     lines = [f"| {' | '.join((*COLUMNS, 'checked against'))} |", "|---" * (len(COLUMNS) + 1) + "|"]
     return "\n".join([*lines, *map(row, servos())]) + "\n"
 
@@ -40,12 +40,12 @@ def row(servo: Servo) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def with_table(page: str) -> str:
-    """Return the page with a current table."""
+def with_rows(page: str) -> str:
+    """Return the page with current rows."""
     before, _, page_end = page.partition(BEGIN)
     _, _, after = page_end.partition(END)
-    return f"{before}{BEGIN}\n{table()}\n{END}{after}"
+    return f"{before}{BEGIN}\n{markdown_rows()}\n{END}{after}"
 
 
 if __name__ == "__main__":
-    PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    PAGE.write_text(with_rows(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

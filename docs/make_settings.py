@@ -1,4 +1,4 @@
-"""Write the table of settings in operations.md; a test fails if it is outdated."""
+"""Write the rows of settings in operations.md; a test fails if it is outdated."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ PAGE = Path(__file__).with_name("operations.md")
 BEGIN, END = "<!-- settings -->\n", "<!-- end of settings -->\n"
 
 
-def table() -> str:
-    """Return the table in Markdown: one setting per line."""
+def markdown_rows() -> str:
+    """Return the rows in Markdown: one setting per line."""
     lines = ["| setting | default | meaning |", "|---|---|---|"]
     for name, field in Settings.model_fields.items():
         words = " ".join((field.description or "").split()).replace("|", "\\|")
@@ -35,12 +35,12 @@ def default(name: str, field: FieldInfo) -> str:
     return f"`{value:g}`" if isinstance(value, float) else f"`{value}`"
 
 
-def with_table(page: str) -> str:
-    """Return the page with a current table."""
+def with_rows(page: str) -> str:
+    """Return the page with current rows."""
     before, _, page_end = page.partition(BEGIN)
     _, _, after = page_end.partition(END)
-    return f"{before}{BEGIN}\n{table()}\n{END}{after}"
+    return f"{before}{BEGIN}\n{markdown_rows()}\n{END}{after}"
 
 
 if __name__ == "__main__":
-    PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    PAGE.write_text(with_rows(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

@@ -21,7 +21,7 @@ from foldback.server.jobs.eta import EtaEstimator
 from foldback.server.store.estimates import Expected, plain_fold
 from foldback.server.store.folds import FoldRow, Store
 from foldback.server.store.leases import Compilation
-from foldback.server.store.tables import REQUESTED_COLUMNS
+from foldback.server.store.schema import REQUESTED_COLUMNS
 from foldback.words.fold import ShownFold
 
 SMOOTHING_MESSAGE: Final = "smoothing"

@@ -185,7 +185,7 @@ class Settings(BaseSettings):
     files_waiting_of_visitor: Count = 3
     """Maximum number of one visitor's exports and pictures that wait or are being created."""
     answers_waiting: Count = 12
-    """Maximum number of large responses (frames, trajectories, tables of motors) that wait or
+    """Maximum number of large responses (frames, trajectories, torques of motors) that wait or
     are being computed."""
     answers_waiting_of_visitor: Count = 4
     """Maximum number of one visitor's large responses that wait or are being computed."""

@@ -58,7 +58,7 @@ def test_all_packages_have_a_layer() -> None:
 
 def test_page_and_picture_are_current() -> None:
     page = made.PAGE.read_text(encoding="utf-8")
-    assert made.with_table(page) == page, "run `python -m docs.make_architecture`"
+    assert made.with_rows(page) == page, "run `python -m docs.make_architecture`"
     assert made.draw() == made.PICTURE.read_text(encoding="utf-8"), (
         "run `python -m docs.make_architecture`"
     )

@@ -19,7 +19,7 @@ RUNNING_STATUSES: Final = ("queued", "running")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShownFold:
-    """Facts of a fold for people; ``server.store.tables.FoldRow`` explains the values."""
+    """Facts of a fold for people; ``server.store.schema.FoldRow`` explains the values."""
 
     id: str
     name: str
@@ -60,7 +60,7 @@ class ShownFold:
 
     @classmethod
     def of(cls, row: object) -> ShownFold:
-        """Return the facts of a row of ``server.store.tables.FoldRow``."""
+        """Return the facts of a row of ``server.store.schema.FoldRow``."""
         return cls(**{field.name: getattr(row, field.name) for field in fields(cls)})
 
 

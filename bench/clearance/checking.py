@@ -20,8 +20,8 @@ from rich.console import Console
 
 from bench.command import fold
 from bench.machine import machine
-from bench.measured_tables import Section
 from bench.scaling import CASES
+from bench.sections import Section
 from examples.run_gallery import PROCESSES, SHAPES
 from foldback import foldback_check
 from foldback.planner.pipeline.request import FoldRequest

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from bench.machine import machine
-from bench.measured_tables import Section
+from bench.sections import Section
 from examples.run_gallery import SHAPES
 from foldback.planner.chain.chain import Chain
 from foldback.planner.clearance.sweep import sweep

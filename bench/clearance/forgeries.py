@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from scipy.optimize import nnls
 
-from bench.measured_tables import Section
+from bench.sections import Section
 from examples.run_gallery import PROCESSES, SHAPES
 from foldback import foldback_check
 from foldback.planner.clearance.sweep import sweep

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.measured_tables import Section
+from bench.sections import Section
 from examples.run_gallery import SHAPES
 from foldback.planner.chain.chain import Chain
 from foldback.planner.clearance.sweep import Sweep, sweep

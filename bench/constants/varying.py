@@ -20,7 +20,7 @@ from typing import Any, Final
 from rich.console import Console
 
 from bench.likeness import FORMS
-from bench.measured_tables import Section
+from bench.sections import Section
 from foldback.planner.chain.chain import Chain
 from foldback.planner.explosion import simultaneous
 from foldback.planner.explosion.loop import (

@@ -19,7 +19,7 @@ from bench.load.uploads import uploads
 from bench.load.viewers import viewers
 from bench.load.workers import workers
 from bench.machine import machine
-from bench.measured_tables import Section, write_sections
+from bench.sections import Section, write_sections
 
 SHORT_FAULTS = ("worker killed", "server killed", "disk full")
 """Faults of a run with ``--short``."""

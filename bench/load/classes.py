@@ -11,7 +11,7 @@ from websockets.asyncio.client import ClientConnection, connect
 
 from bench.load.loopback import serving
 from bench.load.visitors import percentile_ms
-from bench.measured_tables import Section
+from bench.sections import Section
 
 FOLLOWERS = 100
 """Number of browsers that follow one class: the service sends each change of its leader's camera or

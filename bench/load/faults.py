@@ -2,7 +2,7 @@
 
 After each round and at the end, these conditions hold: each acknowledged fold exists and ends; a
 verified fold is complete; its result, figures and plan never change; no files of broken uploads
-remain. The moments are drawn from a seed, which the table reports.
+remain. The moments are drawn from a seed, which the output reports.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import psutil
 
 from bench.load.site import ONE_MACHINE, NotReadyError, Setup, Site
 from bench.load.witness import Witness
-from bench.measured_tables import Section
+from bench.sections import Section
 from foldback.planner.progress import STAGES
 from tests.server.service_process import SNAKE
 

@@ -16,7 +16,7 @@ import psutil
 
 from bench.load.loopback import serving
 from bench.load.mutations import Upload, made, valid
-from bench.measured_tables import Section
+from bench.sections import Section
 from tests.server.service_process import Service
 
 OUT: Final = Path("out/load/mutated")

@@ -11,7 +11,7 @@ import psutil
 
 from bench.load.loopback import serving
 from bench.load.visitors import Visits, percentile_ms
-from bench.measured_tables import Section
+from bench.sections import Section
 from tests.server.service_process import SNAKE, Service
 
 SHAPE = "wrench-160"

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from bench.load.faults import FAULTS, faults
 from bench.load.site import Setup
-from bench.measured_tables import Section
+from bench.sections import Section
 from tests.server.bucket import Bucket
 from tests.server.postgres import Postgres
 

@@ -35,7 +35,7 @@ class Setup:
     """Layout of a service.
 
     Attributes:
-        name: Name in tables.
+        name: Name in the output.
         settings: Settings of all its processes, without ``FOLDBACK_``; among them a database or a
             storage elsewhere.
         environment: Further environment variables of all its processes.

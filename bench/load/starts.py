@@ -14,7 +14,7 @@ from typing import Final
 
 import psutil
 
-from bench.measured_tables import Section
+from bench.sections import Section
 from tests.server.service_process import Service
 
 MOMENTS_S: Final = tuple(k / 10 for k in range(1, 51))

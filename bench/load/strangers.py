@@ -16,7 +16,7 @@ from websockets.sync.client import connect
 
 from bench.load.loopback import serving
 from bench.load.visitors import percentile_ms
-from bench.measured_tables import Section
+from bench.sections import Section
 from tests.planner.peels import snake
 from tests.server.service_process import SNAKE, Service
 

@@ -11,7 +11,7 @@ from typing import Any
 import httpx
 
 from bench.load.loopback import serving
-from bench.measured_tables import Section
+from bench.sections import Section
 from tests.server.service_process import SNAKE, Service
 
 MAX_FOLD_S = 1800.0

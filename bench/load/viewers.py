@@ -15,7 +15,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 
 from bench.load.loopback import serving
-from bench.measured_tables import Section
+from bench.sections import Section
 from tests.server.service_process import SNAKE, Service
 
 MAX_VIEWERS_GROWTH_MB = 50

@@ -9,7 +9,7 @@ import time
 import psutil
 
 from bench.load.loopback import serving
-from bench.measured_tables import Section
+from bench.sections import Section
 from tests.server.service_process import SNAKE, Service
 
 MIN_SPEED_UP = 1.8

@@ -30,7 +30,7 @@ def document(page: dict[str, Any]) -> str:
         INTRODUCTION,
         page["lead"],
         *_list(page["summary"]),
-        _table(
+        _markdown_rows(
             ["Experiment", "In the paper", "Here"],
             [[row["heading"], row["published"], row["here"]] for row in page["overview"]],
         ),
@@ -44,7 +44,7 @@ def document(page: dict[str, Any]) -> str:
         "`--set damping=0.05 --set radial_gain=0.2`; "
         "[decision 0002](decisions/0002-published-preset.md) describes how these numbers were "
         "found.",
-        _table(
+        _markdown_rows(
             ["Parameter", "Name", "Value", "From", "Meaning"],
             [
                 [
@@ -88,7 +88,7 @@ def _section(section: dict[str, Any], head: list[dict[str, str]]) -> list[str]:
         "\n".join(strips),
         "\n".join([*straight, *stills]),
         *_list(failed),
-        _table(
+        _markdown_rows(
             ["<br>".join(filter(None, [column["name"], column["unit"]])) for column in head],
             section["rows"],
         ),
@@ -103,7 +103,7 @@ def _list(lines: list[str]) -> list[str]:
     return ["\n".join(f"- {line}" for line in lines)] if lines else []
 
 
-def _table(head: list[str], rows: list[list[str]]) -> str:
+def _markdown_rows(head: list[str], rows: list[list[str]]) -> str:
     def line(cells: list[str]) -> str:
         return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
 

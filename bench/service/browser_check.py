@@ -6,8 +6,8 @@ from typing import Any, Final
 
 from playwright.sync_api import Browser, ViewportSize
 
-from bench.measured_tables import Section
 from bench.scaling import CASES
+from bench.sections import Section
 from bench.service.browsing import service_and_browser
 from tests.server.service_process import Service
 

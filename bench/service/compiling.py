@@ -9,7 +9,7 @@ import tempfile
 from typing import Final
 
 from bench.first_minutes import OWN_SHAPE
-from bench.measured_tables import Section
+from bench.sections import Section
 
 MAX_FIRST_CPU_S: Final = 45.0
 """Target of the benchmark: compiling the numerical kernels that a first fold needs takes less

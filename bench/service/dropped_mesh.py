@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 from playwright.sync_api import Browser, ViewportSize
 
-from bench.measured_tables import Section
+from bench.sections import Section
 from bench.service.browsing import service_and_browser
 
 DROPPED_MESHES: Final = 4

@@ -13,7 +13,7 @@ from typing import Final
 import psutil
 from playwright.sync_api import CDPSession, Error, Page
 
-from bench.measured_tables import Section
+from bench.sections import Section
 from bench.service.browsing import service_and_browser
 
 CLOCK_SPEED: Final = 8

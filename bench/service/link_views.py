@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 from playwright.sync_api import Browser, Page, ViewportSize
 
-from bench.measured_tables import Section
+from bench.sections import Section
 from bench.service.browsing import service_and_browser
 from tests.browser.conftest import NO_VIEW, WAIT_FOR_REST
 from tests.browser.test_small_frames import MIN_PICTURE_SHARE, PICTURE_SHARE

@@ -9,7 +9,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from bench.measured_tables import Section
+from bench.sections import Section
 from foldback.planner.motion.timeline import Timeline
 from tests.tools import OPENGL
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from playwright.sync_api import Browser, Page, Request, ViewportSize
 
-from bench.measured_tables import Section
+from bench.sections import Section
 from bench.service.browsing import service_and_browser
 from tests.server.service_process import Service
 

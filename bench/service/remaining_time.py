@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import Any, Final
 
-from bench.measured_tables import Section
+from bench.sections import Section
 from tests.server.service_process import Service
 
 KNOWN_SHAPES: Final = (

@@ -16,8 +16,8 @@ import numpy as np
 from playwright.sync_api import Browser, sync_playwright
 
 from bench.command import fold
-from bench.measured_tables import Section
 from bench.page_speed import MOVING
+from bench.sections import Section
 from foldback.planner.readers.gallery import Gallery
 from foldback.server.cli.site import site
 from foldback.server.submission.shipped_folds import SHIPPED_FOLDS_DIR

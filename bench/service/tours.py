@@ -24,7 +24,7 @@ from rich.console import Console
 from scipy.optimize import LinearConstraint, linprog, minimize
 
 from bench.machine import machine
-from bench.measured_tables import Section
+from bench.sections import Section
 from examples.run_gallery import PROCESSES, SHAPES
 from foldback.cli.tour import drafted, facts_of
 from foldback.planner.chain.chain import Chain

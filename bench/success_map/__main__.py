@@ -192,16 +192,16 @@ def shares(rows: list[dict[str, Any]]) -> Shares:
 def show(rows: list[dict[str, Any]], console: Console) -> None:
     """Print the shares, a line for each kind and number of modules."""
     case_shares = shares(rows)
-    table = Table(title="verified folds", title_justify="left")
+    grid = Table(title="verified folds", title_justify="left")
     for name in ("path", "modules", *METHODS):
-        table.add_column(name)
+        grid.add_column(name)
     for kind in KINDS:
         for modules in BOXES:
             cells = [case_shares.get((method, kind, modules)) for method in METHODS]
             if any(cells):
                 texts = ["" if cell is None else f"{cell[0] + cell[1]}/{cell[2]}" for cell in cells]
-                table.add_row(kind, str(modules), *texts)
-    console.print(table)
+                grid.add_row(kind, str(modules), *texts)
+    console.print(grid)
 
 
 def main() -> None:

@@ -18,13 +18,13 @@ LABELS_PX: Final = 76
 """Width of the column at the left of the success map's picture, in SVG pixels, which holds the
 names of the kinds of paths."""
 GAP_PX: Final = 18
-"""Width of the gap between the tables of two methods in the success map's picture, in SVG
+"""Width of the gap between the grids of two methods in the success map's picture, in SVG
 pixels."""
 FIELDS_PER_ROW: Final = 4
-"""Maximum number of methods whose tables are drawn side by side in the success map's picture;
+"""Maximum number of methods whose grids are drawn side by side in the success map's picture;
 further ones begin a new row."""
 HEAD_PX: Final = 64
-"""Height of the heading above each method's table in the success map's picture, in SVG pixels: the
+"""Height of the heading above each method's grid in the success map's picture, in SVG pixels: the
 method's name and the slanted numbers of modules."""
 STYLE: Final = """
 svg { background: #faf9f7; }

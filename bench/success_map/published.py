@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from bench.measured_tables import Section
+from bench.sections import Section
 from bench.success_map.stored import run_missing, version_of
 from foldback.planner.chain.path import Path as CellPath
 from foldback.planner.pathfinding.block_merging import block_path

@@ -17,8 +17,8 @@ from typing import Any, Final
 
 from rich.console import Console
 
-from bench.measured_tables import Section
 from bench.meshes import MESHES
+from bench.sections import Section
 from bench.success_map.stored import judge, run_missing, version_of
 from examples.run_gallery import SHAPES
 from foldback.planner.errors import InputError

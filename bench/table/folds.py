@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.measured_tables import Section
+from bench.sections import Section
 from bench.table.paths import gallery_cells
 from foldback.planner.certificate.table_certificate import table_certificate
 from foldback.planner.chain.chain import Chain

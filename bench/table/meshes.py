@@ -17,8 +17,8 @@ import trimesh
 from rich.console import Console
 
 from bench.held_out_meshes import HELD_OUT, ball, rod
-from bench.measured_tables import Section
 from bench.meshes import MESHES, Mesh, box, joined, revolved
+from bench.sections import Section
 from foldback.planner.errors import InputError
 from foldback.planner.pathfinding.path_options import PathOptions
 from foldback.planner.pipeline.prepare import prepare_found

@@ -14,7 +14,7 @@ from typing import Any, Final, cast
 import trimesh
 
 from bench.command import fold
-from bench.measured_tables import Section
+from bench.sections import Section
 from foldback.planner.pathfinding.path_options import PathOptions
 from foldback.planner.pipeline.prepare import prepare
 from foldback.planner.readers import read

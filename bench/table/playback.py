@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from bench.measured_tables import Section
+from bench.sections import Section
 from bench.table.folds import SMALL_BOXES
 from bench.table.paths import SHAPES
 from foldback.planner.pipeline.playing_back import MIN_SIZING_TORQUE_WP, TABLE_MOTOR_RESERVE

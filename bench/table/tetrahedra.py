@@ -18,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.measured_tables import Section
+from bench.sections import Section
 from foldback.planner.certificate.table_certificate import table_certificate
 from foldback.planner.chain.cantilever_statics import static_torque
 from foldback.planner.chain.chain import Chain

@@ -47,11 +47,11 @@ EXPORTS: Final = (
     ),
     Export(
         name="csv",
-        label="Table",
+        label="Spreadsheet",
         hint="CSV: joint angles in radians; position in metres and orientation of the root module",
         media_type="text/csv; charset=utf-8",
         filename="plan.csv",
-        write=_by("csv_table"),
+        write=_by("csv_rows"),
         moving=True,
     ),
     Export(

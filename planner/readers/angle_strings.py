@@ -25,7 +25,7 @@ DIGITS_CHECKED: Final = 4096
 """Number of characters at the beginning of a text that are searched for digits only, to recognise
 hinge angles written as digits, which are refused with an explanation."""
 MAX_COLUMNS: Final = 4
-"""Maximum number of columns of a table of cells. A first line with more numbers, or one longer
+"""Maximum number of columns of a list of cells. A first line with more numbers, or one longer
 number alone, counts as angles of a folding puzzle and is refused with an explanation."""
 _TURN_NUMBER: Final = re.compile(r"[+\-\u2212]?(?:[0-4]+|90|180|270)(?:\.0*)?")
 """Matches one word of a text of hinge angles as numbers: a run of digits 0 to 4, each of which is
@@ -40,7 +40,7 @@ _LONE_SIGN: Final = re.compile(r"(?<![^\s,;])[+\-\u2212\u2013](?![^\s,;])|[+\-\u
 
 
 def is_angle_string(text: str) -> bool:
-    """Return True if a text has the heading, or only angle signs and is not a table of zeros."""
+    """Return True if a text has the heading, or only angle signs and is not a list of zeros."""
     return text.startswith(HEADING) or (
         _ALL.fullmatch(text) is not None
         and _LONE_SIGN.search(text) is not None
@@ -66,7 +66,7 @@ def refuse_digits(text: str) -> None:
         )
     has_columns = len(first.translate(_NO_SEPARATORS).split()) > MAX_COLUMNS
     if len(first.split(",")) == 2 * len("xyz") and text.strip().count("\n"):
-        return  # a table with decimal commas: the reader of CSV names the line
+        return  # a list with decimal commas: the reader of CSV names the line
     run = len(words) == 1 and len(words[0]) > MAX_COLUMNS
     lines = [
         line.translate(_NO_SEPARATORS).split()

@@ -1,4 +1,4 @@
-"""Names of axes in the header of a table of cells."""
+"""Names of axes in the header of a list of cells."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from foldback.planner.readers.text import is_number
 
 AXES: Final = ("x", "y", "z")
 OTHER_AXES: Final = ("ijk", "abc", "uvw")
-"""Alternative column names for the coordinates x, y and z, one letter each; accepted if a table's
+"""Alternative column names for the coordinates x, y and z, one letter each; accepted if a list's
 header names none of x, y and z."""
 OCCUPANCY_COLUMNS: Final = frozenset(
     ("value", "filled", "occupied", "occupancy", "solid", "voxel", "active")
 )
-"""Names of table columns that state if a cell is filled; a 0 in such a column is refused, as only
+"""Names of columns that state if a cell is filled; a 0 in such a column is refused, as only
 filled cells are expected."""
 WORD: Final = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 MINUS_SIGNS: Final = ("-", "\u2212")

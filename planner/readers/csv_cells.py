@@ -45,7 +45,7 @@ def read_csv(text: str, source: Source) -> Path | Shape:
     if first.count(delimiter) >= 1000:  # three are used
         raise InputError(
             "wrong-count",
-            f"got a table of {first.count(delimiter) + 1} columns, expected three: x, y and z.",
+            f"got a list of {first.count(delimiter) + 1} columns, expected three: x, y and z.",
         )
     reader = csv.reader(io.StringIO(text), delimiter=delimiter, skipinitialspace=True)
     columns: tuple[int, ...] | None = None

@@ -10,7 +10,7 @@ import numpy as np
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.errors import InputError
 from foldback.planner.readers.limits import Source, check_lines, parse_float, parse_int, quote
-from foldback.planner.readers.number_tables import Table, chunks, table, whole
+from foldback.planner.readers.number_rows import NumberRows, chunks, parse_rows, whole
 from foldback.planner.readers.text import BYTE_LINE, data_start, numbered_lines, without_comments
 from foldback.planner.shapes.polygons import MIN_CORNERS, fans, skipped_note
 from foldback.planner.shapes.solid import Solid, check_triangles
@@ -100,21 +100,21 @@ def _truncated(lines: int, vertices: int, polygons: int) -> InputError:
 
 def _many(body: bytes, vertices: int, polygons: int) -> Mesh | None:
     """Parse all lines at once; None if they hold anything but numbers."""
-    tables: list[Table] = []
+    blocks: list[NumberRows] = []
     for chunk in chunks(body):
         ended = chunk if chunk.endswith(b"\n") else chunk + b"\n"
-        part = table(np.frombuffer(ended, dtype=np.uint8))
+        part = parse_rows(np.frombuffer(ended, dtype=np.uint8))
         if part is None:
             return None
-        tables.append(Table(values=part.values, counts=part.counts[part.counts > 0]))
-    values = np.concatenate([part.values for part in tables])
-    counts = np.concatenate([part.counts for part in tables])
-    del tables
+        blocks.append(NumberRows(values=part.values, counts=part.counts[part.counts > 0]))
+    values = np.concatenate([part.values for part in blocks])
+    counts = np.concatenate([part.counts for part in blocks])
+    del blocks
     if len(counts) < vertices + polygons:
         return None
     cut = int(counts[:vertices].sum())
-    points = Table(values=values[:cut], counts=counts[:vertices]).columns(0, 3)
-    faces = Table(values=values[cut:], counts=counts[vertices:])
+    points = NumberRows(values=values[:cut], counts=counts[:vertices]).columns(0, 3)
+    faces = NumberRows(values=values[cut:], counts=counts[vertices:])
     starts = faces.starts[:polygons]
     sizes = whole(faces.values[starts])
     if points is None or sizes is None or not len(sizes):

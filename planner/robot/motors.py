@@ -61,7 +61,7 @@ class Build:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class MotorTable:
+class MotorRequirements:
     """Torques of every hinge over a trajectory.
 
     Attributes:
@@ -143,9 +143,9 @@ class MotorTable:
         }
 
 
-def motor_table(
+def motor_requirements(
     chain: Chain, trajectory: Trajectory, build: Build, *, motor_torque_nm: float | None = None
-) -> MotorTable:
+) -> MotorRequirements:
     """Compute the torques of a motion, by inverse dynamics of the chain as one tree.
 
     A held chain's torque is that of the motion alone plus that of gravity in the direction which
@@ -184,7 +184,7 @@ def motor_table(
             square += 0.5 * (end - start_s) * torque**2
             higher = torque > peak
             peak[higher], peak_time[higher] = torque[higher], times[k]
-    return MotorTable(
+    return MotorRequirements(
         build=build,
         joint_names=trajectory.joint_names,
         peak_torque_nm=peak,

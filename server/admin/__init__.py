@@ -1,1 +1,1 @@
-"""Tasks of operators: folds, backups, restoration and the migration of tables."""
+"""Tasks of operators: folds, backups, restoration and the migration of the database."""

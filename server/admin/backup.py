@@ -29,7 +29,7 @@ from foldback.server.admin.backup_manifest import (
     Manifest,
 )
 from foldback.server.admin.backup_rows import load_rows, write_rows
-from foldback.server.admin.database import consistent_view, drop_tables, has_tables, replacement
+from foldback.server.admin.database import consistent_view, drop_schema, has_schema, replacement
 from foldback.server.admin.errors import AdminError
 from foldback.server.admin.migration import schema_of
 from foldback.server.admin.stored_files import StoredFiles, at_once, open_inside, stored_files
@@ -37,6 +37,7 @@ from foldback.server.limits.disk_space import free_space
 from foldback.server.settings import Settings
 from foldback.server.store.folds import Store
 from foldback.server.store.object_store import StorageError
+from foldback.server.store.schema import CounterRow, upgrade
 from foldback.server.store.schema_version import Schema
 from foldback.server.store.staged_files import (
     RESTORED_COUNTER,
@@ -45,7 +46,6 @@ from foldback.server.store.staged_files import (
     restored_number,
     staged_files,
 )
-from foldback.server.store.tables import CounterRow, upgrade
 
 BLOCK_BYTES: Final = 4096
 """Usual size of a disk's blocks, in bytes; a file takes a whole number of them."""
@@ -80,8 +80,8 @@ def back_up(settings: Settings, directory: Path) -> Manifest:
     """
     if schema_of(settings).found is None:
         raise AdminError(
-            f"got a database without tables for the data directory {settings.root}, expected "
-            "tables to back up; check FOLDBACK_DATA_DIR and FOLDBACK_DATABASE_URL."
+            f"got an empty database for the data directory {settings.root}, expected "
+            "rows to back up; check FOLDBACK_DATA_DIR and FOLDBACK_DATABASE_URL."
         )
     _make_empty(directory)
     created_at = time.time()
@@ -134,7 +134,7 @@ def restore(settings: Settings, directory: Path, *, replace: bool) -> Restored:
         _check_digests(manifest, directory)
         staged = staged_files(settings, stored.storage, number)
         with replacement(settings.store_url) as connection:
-            if not replace and (has_tables(connection) or next(stored.names(), None)):
+            if not replace and (has_schema(connection) or next(stored.names(), None)):
                 raise AdminError(
                     "got a service that already has data, expected an empty one; delete the data "
                     "with --replace, or name an empty data directory, database and object store."
@@ -161,8 +161,8 @@ def restore(settings: Settings, directory: Path, *, replace: bool) -> Restored:
 def _stage_rows(
     connection: sa.Connection, manifest: Manifest, directory: Path, number: int
 ) -> Collection[str]:
-    """Replace the tables within a transaction; return the ids of the folds that are left out."""
-    drop_tables(connection)
+    """Replace the rows within a transaction; return the ids of the folds that are left out."""
+    drop_schema(connection)
     upgrade(connection, manifest.schema)
     with open_inside(directory, ROWS) as source:
         left_out = load_rows(connection, source, (file.name for file in manifest.files))
@@ -254,7 +254,7 @@ def _read(directory: Path) -> Manifest:
     known_versions = Schema.of(None).known
     if manifest.schema not in known_versions:
         raise AdminError(
-            f"got a backup with tables of version {manifest.schema}, expected at most "
+            f"got a backup with rows of version {manifest.schema}, expected at most "
             f"{known_versions[-1]}; "
             f"install foldback {manifest.foldback}, which made the backup."
         )
@@ -278,7 +278,7 @@ def _check_space(settings: Settings, manifest: Manifest) -> None:
         needs.append((settings.folds_dir, blocks * BLOCK_BYTES))
     if settings.store_url.startswith("sqlite"):
         path = Path(sa.make_url(settings.store_url).database or "")
-        # tables with their indexes, twice: log and database
+        # rows with their indexes, twice: log and database
         needs.append((path.parent, 4 * manifest.rows.bytes))
     needed: Counter[int] = Counter()
     for path, size in needs:

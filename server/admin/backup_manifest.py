@@ -66,7 +66,7 @@ class Manifest(
     Attributes:
         foldback: Version of the foldback that created it.
         created_at: Time of its start, in seconds since 1970.
-        schema: Version of the rows' tables.
+        schema: Version of the schema of the rows.
         storage: Kind of the stored files: ``directory`` or ``objects``.
         rows: Rows of the database.
         files: Stored files.

@@ -1,7 +1,7 @@
-"""Rows of a backup: one JSON array per line, with the name of a table and the values of a row.
+"""Rows of a backup: one JSON array per line, with the name of its kind and the values of a row.
 
-Rows are data: they are read into tables that foldback's own migrations create, with the columns and
-types of these tables. Anything else in the file is refused.
+Rows are data: they are read into the schema that foldback's own migrations create, with its columns
+and types. Anything else in the file is refused.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from msgspec import Meta
 from sqlalchemy.exc import DataError, IntegrityError
 
 from foldback.server.admin.errors import AdminError
+from foldback.server.store.schema import STATUSES
 from foldback.server.store.staged_files import RESTORED_COUNTER
-from foldback.server.store.tables import STATUSES
 
-SAVED_TABLES: Final = ("folds", "movies", "tours", "own_values", "counters", "secrets")
-"""Names of the tables whose rows are in a backup; a table comes after those that it refers to."""
-UNSAVED_TABLES: Final = ("previews", "preview_reports", "workers")
-"""Names of the tables whose rows are not in a backup: their files are not in it either, or they
+SAVED_KINDS: Final = ("folds", "movies", "tours", "own_values", "counters", "secrets")
+"""Kinds of rows that are in a backup; a kind comes after those that it refers to."""
+UNSAVED_KINDS: Final = ("previews", "preview_reports", "workers")
+"""Kinds of rows that are not in a backup: their files are not in it either, or they
 describe running processes."""
 ROWS_PER_BATCH: Final = 500
 """Number of rows that are read or written together."""
 MAX_ROW_BYTES: Final = 8 << 20
-"""Maximum size of a row in a backup, in bytes. The largest rows, tours and tables of values, take
+"""Maximum size of a row in a backup, in bytes. The largest rows, tours and values of modules, take
 about 100 kB."""
 MAX_NUMBER: Final = 1e11
 """Maximum of a number in a row: times, in s since 1970, have dates up to it (the year 5138)."""
@@ -55,9 +55,9 @@ def write_rows(connection: sa.Connection, file: BinaryIO) -> frozenset[str]:
     """
     encoder = msgspec.json.Encoder()
     ids: set[str] = set()
-    for table in _tables(connection):
-        name, columns = f"{table.name}", [f"{column.name}" for column in table.columns]
-        result = connection.execution_options(yield_per=ROWS_PER_BATCH).execute(sa.select(table))
+    for kind in _kinds(connection):
+        name, columns = f"{kind.name}", [f"{column.name}" for column in kind.columns]
+        result = connection.execution_options(yield_per=ROWS_PER_BATCH).execute(sa.select(kind))
         for values in result:
             row = dict(zip(columns, values, strict=True))
             file.write(encoder.encode([name, row]) + b"\n")
@@ -69,7 +69,7 @@ def write_rows(connection: sa.Connection, file: BinaryIO) -> frozenset[str]:
 def load_rows(
     connection: sa.Connection, file: BufferedReader, names: Iterable[str]
 ) -> Collection[str]:
-    """Insert the rows of a backup into tables that have just been created.
+    """Insert the rows of a backup into a schema that has just been created.
 
     Folds without files, which were deleted while the backup was made, are left out; only cancelled
     folds may have none.
@@ -83,21 +83,21 @@ def load_rows(
         Ids of the folds that were left out.
 
     Raises:
-        AdminError: If a row is not one of a known table, or a fold with files has no row.
+        AdminError: If a row is not of a known kind, or a fold with files has no row.
         SQLAlchemyError: If the database refuses a row for other reasons.
         OSError: If the file cannot be read.
     """
-    tables = {table.name: _Table.of(table) for table in _tables(connection)}
+    kinds = {kind.name: _RowKind.of(kind) for kind in _kinds(connection)}
     owners = {tuple(name.split("/", 2)[:2]) for name in names}
     with_files = {fold_id for key, fold_id in owners if key == "folds"}
     missing = {fold_id for _, fold_id in owners}
     left_out, started = set[str](), set[str]()
-    for name, lines in _batches(file, tables):
-        table = tables[name]
+    for name, lines in _batches(file, kinds):
+        kind = kinds[name]
         if name not in started:  # rows of the migrations
             started.add(name)
-            connection.execute(sa.delete(table.table))
-        rows = [table.row_of(line, place) for place, line in lines]
+            connection.execute(sa.delete(kind.rows))
+        rows = [kind.row_of(line, place) for place, line in lines]
         if name == "folds":
             missing_ids = {
                 row["id"]
@@ -106,9 +106,9 @@ def load_rows(
             }
             left_out |= missing_ids
             missing.difference_update(row["id"] for row in rows)
-        kept_rows = [row for row in rows if row.get(table.fold_column) not in left_out]
+        kept_rows = [row for row in rows if row.get(kind.fold_column) not in left_out]
         if kept_rows:
-            table.insert(connection, kept_rows)
+            kind.insert(connection, kept_rows)
     connection.execute(
         sa.text("DELETE FROM counters WHERE name = :name"), {"name": RESTORED_COUNTER}
     )
@@ -117,38 +117,38 @@ def load_rows(
     return left_out
 
 
-def _tables(connection: sa.Connection) -> list[sa.Table]:
-    """Return the tables of a database that a backup contains."""
+def _kinds(connection: sa.Connection) -> list[sa.Table]:
+    """Return the kinds of rows of a database that a backup contains."""
     meta_data = sa.MetaData()
-    table_names = sa.inspect(connection).get_table_names()
-    meta_data.reflect(connection, only=[name for name in SAVED_TABLES if name in table_names])
-    for table in meta_data.tables.values():
-        for column in table.columns:
+    names = sa.inspect(connection).get_table_names()
+    meta_data.reflect(connection, only=[name for name in SAVED_KINDS if name in names])
+    for kind in meta_data.tables.values():
+        for column in kind.columns:
             if isinstance(column.type, sa.JSON):
                 column.type = sa.JSON(none_as_null=True)
-    return [meta_data.tables[name] for name in SAVED_TABLES if name in meta_data.tables]
+    return [meta_data.tables[name] for name in SAVED_KINDS if name in meta_data.tables]
 
 
 @dataclass(frozen=True, slots=True)
-class _Table:
-    """A table, with the decoder of its rows.
+class _RowKind:
+    """A kind of rows, with their decoder.
 
     Attributes:
-        table: The table.
+        rows: Rows in the database.
         decoder: Decoder that checks names and types of the columns.
         fold_column: Name of the column with the id of the fold.
     """
 
-    table: sa.Table
+    rows: sa.Table
     decoder: msgspec.json.Decoder[msgspec.Struct]
     fold_column: str
 
     @classmethod
-    def of(cls, table: sa.Table) -> _Table:
-        fields = [(f"{column.name}", _type_of(column)) for column in table.columns]
-        row = msgspec.defstruct(f"{table.name}", fields, forbid_unknown_fields=True)
-        fold_column = "id" if table.name == "folds" else "fold_id"
-        return cls(table, msgspec.json.Decoder(row), fold_column)
+    def of(cls, kind: sa.Table) -> _RowKind:
+        fields = [(f"{column.name}", _type_of(column)) for column in kind.columns]
+        row = msgspec.defstruct(f"{kind.name}", fields, forbid_unknown_fields=True)
+        fold_column = "id" if kind.name == "folds" else "fold_id"
+        return cls(kind, msgspec.json.Decoder(row), fold_column)
 
     def row_of(self, line: msgspec.Raw, number: int) -> dict[str, Any]:
         try:
@@ -158,10 +158,10 @@ class _Table:
 
     def insert(self, connection: sa.Connection, rows: list[dict[str, Any]]) -> None:
         try:
-            connection.execute(sa.insert(self.table), rows)
+            connection.execute(sa.insert(self.rows), rows)
         except (DataError, IntegrityError, ValueError) as error:
             error_text = str(getattr(error, "orig", error)).partition("\n")[0]
-            raise _changed(f"rows of {self.table.name} that do not fit ({error_text!r})") from None
+            raise _changed(f"rows of {self.rows.name} that do not fit ({error_text!r})") from None
 
 
 def _type_of(column: sa.Column[Any]) -> Any:
@@ -184,9 +184,9 @@ def _type_of(column: sa.Column[Any]) -> Any:
 
 
 def _batches(
-    file: BufferedReader, tables: Collection[str]
+    file: BufferedReader, kinds: Collection[str]
 ) -> Iterator[tuple[str, list[tuple[int, msgspec.Raw]]]]:
-    """Yield successive rows of one table: its name, and the number and text of each line."""
+    """Yield successive rows of one kind: its name, and the number and text of each line."""
     decoder = msgspec.json.Decoder(tuple[str, msgspec.Raw])
     current, batch, size = "", list[tuple[int, msgspec.Raw]](), 0
     for number, line in enumerate(iter(lambda: file.readline(MAX_ROW_BYTES + 1), b""), start=1):
@@ -196,8 +196,8 @@ def _batches(
             name, row = decoder.decode(line)
         except (msgspec.DecodeError, RecursionError) as error:
             raise _changed(f"an invalid row in line {number} ({str(error)!r})") from None
-        if name not in tables:
-            raise _changed(f"a row of the unknown table {name[:40]!r} in line {number}")
+        if name not in kinds:
+            raise _changed(f"a row of the unknown kind {name[:40]!r} in line {number}")
         if batch and (
             name != current or len(batch) == ROWS_PER_BATCH or size + len(line) > MAX_ROW_BYTES
         ):

@@ -1,4 +1,4 @@
-"""Database of a service for backups: a consistent view, and a transaction that replaces the tables.
+"""Database of a service for backups: a consistent view, and a transaction that replaces its rows.
 
 A backup contains only rows, so one of SQLite can be restored into PostgreSQL, and the other way
 round.
@@ -18,7 +18,7 @@ from sqlalchemy.exc import DatabaseError
 from sqlalchemy.pool import NullPool
 
 from foldback.server.admin.errors import AdminError
-from foldback.server.store.tables import MIGRATION_LOCK, Base, engine_for, reading_connection
+from foldback.server.store.schema import MIGRATION_LOCK, Base, engine_for, reading_connection
 
 DAMAGE_CODES: Final = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 IN_USE_WORDS: Final = "the database is in use; stop all web processes and workers first."
@@ -71,19 +71,19 @@ def replacement(url: str) -> Generator[sa.Connection]:
         engine.dispose()
 
 
-def has_tables(connection: sa.Connection) -> bool:
-    """Return True if the database has tables of a service."""
-    return bool(_own_tables(connection))
+def has_schema(connection: sa.Connection) -> bool:
+    """Return True if the database has the schema of a service."""
+    return bool(_own_names(connection))
 
 
-def drop_tables(connection: sa.Connection) -> None:
-    """Drop all tables of a service, and no others."""
+def drop_schema(connection: sa.Connection) -> None:
+    """Drop the schema of a service, and no other one."""
     meta_data = sa.MetaData()
-    meta_data.reflect(connection, only=_own_tables(connection))
+    meta_data.reflect(connection, only=_own_names(connection))
     meta_data.drop_all(connection)
 
 
-def _own_tables(connection: sa.Connection) -> list[str]:
+def _own_names(connection: sa.Connection) -> list[str]:
     own_names = {*Base.metadata.tables, "alembic_version"}
     return sorted(own_names.intersection(sa.inspect(connection).get_table_names()))
 

@@ -17,7 +17,7 @@ from foldback.server.processes.scratch import Scratch
 from foldback.server.settings import Settings
 from foldback.server.store.fold_files import size_of
 from foldback.server.store.folds import DAY_S, NoSuchFoldError, Store
-from foldback.server.store.tables import ENDED, FoldRow, MovieRow, WorkerRow, missing_database
+from foldback.server.store.schema import ENDED, FoldRow, MovieRow, WorkerRow, missing_database
 from foldback.server.submission.parent_folds import COPIED_NAMES
 
 INPUT_FILES: Final = ("input", "request.json", "cells.json", *COPIED_NAMES)
@@ -29,10 +29,10 @@ class AdminTasks:
     """Access of an operator to the rows and files of folds.
 
     Args:
-        settings: Settings of the service. Its tables must exist; they are not migrated.
+        settings: Settings of the service. Its database must have a schema; it is not migrated.
 
     Raises:
-        AdminError: If there is no database, or its tables are not those of this version.
+        AdminError: If there is no database, or its schema is not that of this version.
         SQLAlchemyError: If the database does not answer.
     """
 
@@ -46,7 +46,7 @@ class AdminTasks:
         schema = schema_of(settings)
         if schema.missing:
             raise AdminError(
-                f"got tables of version {schema.found}, expected {schema.head}; run `foldback "
+                f"got a database of version {schema.found}, expected {schema.head}; run `foldback "
                 "admin migrate`, or use the foldback version that wrote them."
             )
         self._store = Store(settings)

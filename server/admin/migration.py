@@ -1,14 +1,14 @@
-"""Migration of the tables: list of pending changes, and their execution."""
+"""Migration of the database: list of pending changes, and their execution."""
 
 from __future__ import annotations
 
 from foldback.server.settings import Settings
+from foldback.server.store.schema import engine_of, migrate, missing_database, reading_connection
 from foldback.server.store.schema_version import Schema
-from foldback.server.store.tables import engine_of, migrate, missing_database, reading_connection
 
 
 def schema_of(settings: Settings) -> Schema:
-    """Return the version of the rows' tables; nothing is changed.
+    """Return the version of the database's schema; nothing is changed.
 
     Raises:
         NewerSchemaError: If a newer foldback wrote them.
@@ -26,17 +26,17 @@ def pending_changes(settings: Settings) -> list[str]:
     """Return one line for each change that `run_migration` would make; nothing is changed.
 
     Raises:
-        NewerSchemaError: If a newer foldback wrote the tables.
+        NewerSchemaError: If a newer foldback wrote the database.
         SQLAlchemyError: If the database does not answer.
     """
-    return [f"the tables of folds to version {version}" for version in schema_of(settings).missing]
+    return [f"the database to version {version}" for version in schema_of(settings).missing]
 
 
 def run_migration(settings: Settings) -> None:
-    """Migrate the tables to the newest version, as the service does when it starts.
+    """Migrate the database to the newest version, as the service does when it starts.
 
     Raises:
-        NewerSchemaError: If a newer foldback wrote the tables.
+        NewerSchemaError: If a newer foldback wrote the database.
         SQLAlchemyError: If the database does not answer.
         OSError: If the disk is read-only.
     """

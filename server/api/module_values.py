@@ -24,7 +24,7 @@ from foldback.server.errors import NotFound
 from foldback.server.schemas import Body
 from foldback.server.store.folds import NoSuchFoldError
 from foldback.server.store.owned_items import write_beside
-from foldback.server.store.tables import ValuesRow
+from foldback.server.store.schema import ValuesRow
 from foldback.server.viewing.fold_notes import values_of
 
 router = APIRouter(prefix="/api/folds/{fold_id}/values", tags=["values"])

@@ -20,7 +20,7 @@ from foldback.server.errors import Conflict, Unusable
 from foldback.server.http.downloads import download
 from foldback.server.processes.movie_task import movie_formats
 from foldback.server.schemas import Body, Fault
-from foldback.server.store.tables import MovieRow
+from foldback.server.store.schema import MovieRow
 from foldback.server.viewing.fold_notes import tour_of
 from foldback.web.movies.movie import Movie
 

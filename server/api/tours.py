@@ -24,7 +24,7 @@ from foldback.server.dependencies.requested_folds import (
 from foldback.server.schemas import Body
 from foldback.server.store.folds import NoSuchFoldError
 from foldback.server.store.owned_items import write_beside
-from foldback.server.store.tables import TourRow
+from foldback.server.store.schema import TourRow
 from foldback.server.viewing.fold_notes import tour_of
 
 router = APIRouter(prefix="/api/folds/{fold_id}/tour", tags=["tours"])

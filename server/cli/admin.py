@@ -15,7 +15,7 @@ from foldback.server.ops.startup_errors import settings_of
 
 if TYPE_CHECKING:
     from foldback.server.admin.fold_tasks import AdminTasks
-    from foldback.server.store.tables import FoldRow
+    from foldback.server.store.schema import FoldRow
 
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
 DataDir = Annotated[Path | None, typer.Option(help="Data directory of the service.")]
@@ -28,7 +28,7 @@ PSEUDONYM_CHARACTERS: Final = 8
 part of the hash of the visitor's network of IP addresses, so visitors of one network look the
 same."""
 PENDING_EXIT_CODE: Final = 3
-"""Exit code of ``migrate --check`` if the database has tables of an older version, which a
+"""Exit code of ``migrate --check`` if the database is of an older version, which a
 migration would change. Scripts can tell it from 0 (up to date) and 1 (error)."""
 
 admin = typer.Typer(
@@ -90,7 +90,7 @@ def list_folds(
     if as_json:
         typer.echo(json.dumps(rows, indent=2))
     else:
-        _table(FOLD_LIST_COLUMNS, [_words(row) for row in rows])
+        _show_rows(FOLD_LIST_COLUMNS, [_words(row) for row in rows])
 
 
 @admin.command()
@@ -175,7 +175,7 @@ def damaged(data_dir: DataDir = None) -> None:
     if not rows:
         typer.echo("no fold is damaged")
         return
-    _table(("id", "name", "damaged files"), rows)
+    _show_rows(("id", "name", "damaged files"), rows)
     raise typer.Exit(1)
 
 
@@ -192,7 +192,7 @@ def workers(as_json: AsJson = False, data_dir: DataDir = None) -> None:
     if as_json:
         typer.echo(json.dumps(rows, indent=2))
     elif rows:
-        _table(tuple(rows[0]), [[str(value) for value in row.values()] for row in rows])
+        _show_rows(tuple(rows[0]), [[str(value) for value in row.values()] for row in rows])
     else:
         typer.echo("No worker is running.")
 
@@ -250,7 +250,7 @@ def migrate(
     for change in changes:
         typer.echo(f"{'would migrate' if check else 'migrated'} {change}")
     if not changes:
-        typer.echo("All database tables are up to date.")
+        typer.echo("The database is up to date.")
     elif check:
         raise typer.Exit(PENDING_EXIT_CODE)
 
@@ -308,7 +308,7 @@ def _age(seconds: float) -> str:
     return f"{max(0.0, seconds):.0f} s"
 
 
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+def _show_rows(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
     for row in (heads, *rows):
         cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))

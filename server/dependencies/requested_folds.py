@@ -10,7 +10,7 @@ from foldback.server.context import Here
 from foldback.server.dependencies.owner_tokens import RequiredOwner, not_owner
 from foldback.server.errors import Conflict, Forbidden, NotFound
 from foldback.server.store.fold_files import frames_promised
-from foldback.server.store.tables import FoldRow
+from foldback.server.store.schema import FoldRow
 
 NOT_FOLD_OWNER: Final = (
     "This is not the token of the fold's owner. A gallery fold that several clients requested "

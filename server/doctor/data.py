@@ -19,9 +19,9 @@ from foldback.server.limits.disk_space import free_space
 from foldback.server.ops.readiness import check_folder
 from foldback.server.settings import Settings
 from foldback.server.store.object_store import open_storage
+from foldback.server.store.schema import missing_database, reading_connection
 from foldback.server.store.schema_version import Schema
 from foldback.server.store.staged_files import restored_number
-from foldback.server.store.tables import missing_database, reading_connection
 
 NETWORK_FILESYSTEMS: Final = frozenset(
     {"nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "9p", "afs"}
@@ -85,32 +85,32 @@ def _kind_of_disk(path: Path) -> str:
 
 
 def database(settings: Settings) -> CheckResult:
-    """Check that the database answers and has tables of a known version."""
+    """Check that the database answers and has a schema of a known version."""
     url = settings.store_url
     if (missing := missing_database(url)) is not None:
         return ok(f"{missing} will be created")
     try:
         with reading_connection(url) as connection:
-            return _tables(url, connection)
+            return _schema(url, connection)
     except (SQLAlchemyError, ModuleNotFoundError) as error:
         return _unusable(url, error)
 
 
-def _tables(url: str, connection: sa.Connection) -> CheckResult:
+def _schema(url: str, connection: sa.Connection) -> CheckResult:
     schema = Schema.of(connection)
     ahead_s = _ahead_s(connection, schema)
-    text = f"{_shown(url)}, tables of version {schema.found}"
+    text = f"{_shown(url)}, version {schema.found}"
     if schema.newer:
         return problem(
             f"{text}, from a newer foldback; this foldback supports versions up to {schema.head}",
             "Install the newer version again, or restore an older backup.",
         )
     if schema.found is None:
-        return ok(f"{_shown(url)}, empty; tables will be created")
+        return ok(f"{_shown(url)}, empty; it will be set up")
     if schema.missing:
         return warning(
             f"{text}, expected {schema.head}",
-            "Back up the database before you start `foldback serve`, which updates the tables.",
+            "Back up the database before you start `foldback serve`, which updates it.",
         )
     if restored_number(connection) is not None:
         return warning(

@@ -25,7 +25,7 @@ from foldback.server.settings import Settings
 from foldback.server.store.folds import new_id
 from foldback.server.store.owner import Owner
 from foldback.server.store.previews import NoSuchPreviewError, Previews
-from foldback.server.store.tables import PreviewRow
+from foldback.server.store.schema import PreviewRow
 
 OPTIONS_KEY: Final = re.compile(f"[0-9a-f]{{{OPTIONS_KEY_CHARS}}}")
 MAX_OPTION_SETS: Final = 400

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 STREAMS, STREAMS_OF_ADDRESS = 8, 2
 """Maximum numbers of trajectories that are sent at the same time, in total and to one address."""
-MAX_MOTOR_TABLE_BYTES: Final = 32 * 2**20
+MAX_MOTOR_REQUIREMENTS_BYTES: Final = 32 * 2**20
 """Maximum size of the table of motor torques that a computing process returns, in bytes; a larger
 table is refused. The table of 12 000 modules has about 5 MB."""
 MAX_RETIMED_PLAN_BYTES: Final = 64 * 2**20
@@ -185,7 +185,7 @@ class Trajectories:
         return used
 
     async def motors(self, timing: Wanted, motors: MotorsWanted, visitor: str) -> bytes:
-        """Return the torques that a trajectory needs, as ``MotorTable`` writes them.
+        """Return the torques that a trajectory needs, as ``MotorRequirements`` writes them.
 
         Raises:
             ServiceError: See ``of``.
@@ -195,9 +195,9 @@ class Trajectories:
         def made() -> bytes:
             with self._motions.directory() as place:
                 self._call("motors", place, timing, {**timing.request(), **asdict(motors)})
-                with open(place / MOTORS_FILE, "rb") as table:
-                    data = table.read(MAX_MOTOR_TABLE_BYTES + 1)
-                if len(data) > MAX_MOTOR_TABLE_BYTES:
+                with open(place / MOTORS_FILE, "rb") as file:
+                    data = file.read(MAX_MOTOR_REQUIREMENTS_BYTES + 1)
+                if len(data) > MAX_MOTOR_REQUIREMENTS_BYTES:
                     raise _too_large()
                 return data
 

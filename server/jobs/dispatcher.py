@@ -16,7 +16,7 @@ from foldback.server.jobs.retry import retry_until_available
 from foldback.server.jobs.runner import Runner
 from foldback.server.ops.logs import about
 from foldback.server.ops.tracing import span
-from foldback.server.store.tables import passes
+from foldback.server.store.schema import passes
 
 QUEUE_POLL_S: Final = 0.1
 """Time between two checks of a worker for waiting jobs, in s. A job waits half of it on average. A

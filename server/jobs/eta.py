@@ -21,7 +21,7 @@ from foldback.server.limits.fair_queue import wait_s
 from foldback.server.store.estimates import Estimates
 from foldback.server.store.folds import Store, compiled_fraction
 from foldback.server.store.leases import Compilation, Leases
-from foldback.server.store.tables import FoldRow
+from foldback.server.store.schema import FoldRow
 
 SETTLING_RANGE_S: Final = (0.5, 3.0)
 """Smallest and largest time constant, in s, with which the displayed remaining time approaches a

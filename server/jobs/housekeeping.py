@@ -28,7 +28,7 @@ from foldback.server.limits.disk_space import free_space
 from foldback.server.settings import Settings
 from foldback.server.store.folds import DAY_S, Store, rows_of
 from foldback.server.store.object_store import StorageError
-from foldback.server.store.tables import (
+from foldback.server.store.schema import (
     ENDED,
     UNFINISHED_MOVIE_STATUSES,
     FoldRow,

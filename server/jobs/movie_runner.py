@@ -30,7 +30,7 @@ from foldback.server.processes.movie_task import ask_for_movie, check_movie, run
 from foldback.server.processes.scratch import Scratch
 from foldback.server.settings import Settings
 from foldback.server.store.folds import NoSuchFoldError, Store
-from foldback.server.store.tables import UNFINISHED_MOVIE_STATUSES, MovieRow, movie_file
+from foldback.server.store.schema import UNFINISHED_MOVIE_STATUSES, MovieRow, movie_file
 from foldback.web.movies.movie import Movie
 
 MOVIE_FILE: Final = "movie"

@@ -28,7 +28,7 @@ from foldback.server.settings import Settings
 from foldback.server.store.folds import Store, new_id
 from foldback.server.store.object_store import StorageError
 from foldback.server.store.owner import Owner, owned_by
-from foldback.server.store.tables import UNFINISHED_MOVIE_STATUSES, FoldRow, MovieRow, movie_file
+from foldback.server.store.schema import UNFINISHED_MOVIE_STATUSES, FoldRow, MovieRow, movie_file
 from foldback.web.movies.movie import Movie
 
 MOVIE_RETRY_S: Final = 10

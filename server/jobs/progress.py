@@ -9,7 +9,7 @@ from typing import Any, Final
 from sqlalchemy.exc import SQLAlchemyError
 
 from foldback.planner.progress import STAGES
-from foldback.server.store.tables import passes
+from foldback.server.store.schema import passes
 
 REPEATED_STAGES: Final = STAGES[1:4]
 """Stages of a fold that run again if several plans are computed and the best one is chosen."""

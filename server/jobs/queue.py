@@ -22,7 +22,7 @@ from sqlalchemy.orm import Session
 
 from foldback.planner.progress import STAGES
 from foldback.server.store.folds import Store, in_lane, rows_of
-from foldback.server.store.tables import ENDED, FoldRow, MovieRow
+from foldback.server.store.schema import ENDED, FoldRow, MovieRow
 from foldback.words.fold import RUNNING_STATUSES
 
 MAX_LOSSES: Final = 100

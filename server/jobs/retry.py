@@ -11,7 +11,7 @@ from typing import Final, TypeVar
 from sqlalchemy.exc import SQLAlchemyError
 
 from foldback.server.store.object_store import StorageError
-from foldback.server.store.tables import passes
+from foldback.server.store.schema import passes
 
 RETRY_INTERVAL_S: Final = 0.5
 """Time between two attempts to reach the database, the object store or the disk after an error, in

@@ -15,7 +15,7 @@ from typing import Final
 from sqlalchemy.exc import SQLAlchemyError
 
 from foldback.server.store.folds import Store
-from foldback.server.store.tables import passes
+from foldback.server.store.schema import passes
 
 SLICE_POLL_S: Final = 0.5
 """Time between two checks of a running fold if another fold in the queue should be computed

@@ -1,10 +1,10 @@
-"""Runs migrations on the connection that ``server.store.tables.migrate`` hands over."""
+"""Runs migrations on the connection that ``server.store.schema.migrate`` hands over."""
 
 from __future__ import annotations
 
 from alembic import context
 
-from foldback.server.store.tables import Base
+from foldback.server.store.schema import Base
 
 context.configure(
     connection=context.config.attributes["connection"],

@@ -33,7 +33,7 @@ from foldback.server.schemas import export_href
 from foldback.server.store.estimates import expected_of_cost, plain_fold
 from foldback.server.store.fold_files import frames_promised
 from foldback.server.store.fold_source import Found
-from foldback.server.store.tables import FoldRow, request_of
+from foldback.server.store.schema import FoldRow, request_of
 from foldback.words import certificate as certificate_words
 from foldback.words.certificate import TableWords
 from foldback.words.failures import AttemptWords, Failure, attempts, failure, tightest_frame

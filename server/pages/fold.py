@@ -25,7 +25,7 @@ from foldback.server.pages.privacy import visibility
 from foldback.server.pages.problem_page import no_such_page
 from foldback.server.processes.read_task import MAX_DRAWN_CELLS
 from foldback.server.store.fold_source import Found
-from foldback.server.store.tables import FoldRow
+from foldback.server.store.schema import FoldRow
 from foldback.server.viewing.fold_lookup import find_now, viewing_of
 from foldback.web.pictures.isometric import isometric_svg
 from foldback.web.pictures.isometric_modules import chain_svg

@@ -13,7 +13,7 @@ from foldback.planner.chain.module import DEFAULT_MODULE_SIZE
 from foldback.planner.exports.trajectory import MAX_TOUCH_DEPTH_PITCH, sufficient_rate
 from foldback.planner.exports.trajectory import clearance as clearance_of_rows
 from foldback.planner.plan.plan import Plan
-from foldback.planner.robot.motors import Build, motor_table
+from foldback.planner.robot.motors import Build, motor_requirements
 from foldback.planner.robot.retiming import retime as retime_plan
 from foldback.planner.robot.retiming import retimed
 from foldback.planner.robot.trajectory import Trajectory
@@ -34,7 +34,7 @@ def warm_up() -> None:
     for is_held in (True, False):
         gravity_m_s2 = 9.81 if is_held else 0.0
         build = Build(module_mass_kg=1.0, pitch_m=1.0, gravity_m_s2=gravity_m_s2, held=is_held)
-        motor_table(chain, trajectory, build)
+        motor_requirements(chain, trajectory, build)
 
 
 def retime(directory: Path) -> dict[str, Any]:
@@ -95,8 +95,10 @@ def motors(directory: Path) -> dict[str, Any]:
         gravity_m_s2=request["gravity_m_s2"],
         held=request["held"],
     )
-    table = motor_table(chain, trajectory, build, motor_torque_nm=request["motor_torque_nm"])
-    text = table.as_csv() if request["form"] == "csv" else json.dumps(table.as_dict())
+    motors = motor_requirements(
+        chain, trajectory, build, motor_torque_nm=request["motor_torque_nm"]
+    )
+    text = motors.as_csv() if request["form"] == "csv" else json.dumps(motors.as_dict())
     (directory / MOTORS_FILE).write_text(text)
     return {}
 

@@ -1,6 +1,6 @@
 """System calls that a computing process may use; ``seccomp`` makes a filter of them.
 
-The table holds the calls that folds, movies, pictures and trajectories were recorded to use, and
+The list holds the calls that folds, movies, pictures and trajectories were recorded to use, and
 calls of the same kinds that other versions of Python, of the C library or of OpenGL drivers may
 use. It holds no call that affects other processes, the network, devices or the machine.
 """

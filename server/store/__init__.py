@@ -1,1 +1,1 @@
-"""The store: tables, rows of folds, locations of their files, and live workers."""
+"""The store: schema, rows of folds, locations of their files, and live workers."""

@@ -19,7 +19,7 @@ from cachetools import TTLCache, cachedmethod
 
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.server.store.folds import Store, cost_of
-from foldback.server.store.tables import REQUESTED_COLUMNS, FoldRow, columns_of
+from foldback.server.store.schema import REQUESTED_COLUMNS, FoldRow, columns_of
 
 MIN_SIMILAR_FOLDS: Final = 3
 """Minimum number of earlier folds of similar size from which a duration is estimated."""

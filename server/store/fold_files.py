@@ -26,7 +26,7 @@ from foldback.planner.storage.files import written_aside
 from foldback.server.errors import NoSuch
 from foldback.server.settings import Settings
 from foldback.server.store.object_store import FETCHED_INDEX, Storage, open_storage
-from foldback.server.store.tables import FoldRow
+from foldback.server.store.schema import FoldRow
 
 COPY_CACHE_S: Final = 0.4
 """Maximum age of the local copy of a running fold's files before they are compared with the object

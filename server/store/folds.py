@@ -34,8 +34,7 @@ from foldback.server.settings import Settings
 from foldback.server.store.fold_files import Folders, NoSuchFoldError
 from foldback.server.store.fold_source import Found
 from foldback.server.store.owner import Owner, owned_by
-from foldback.server.store.staged_files import discard_staged, finish_restore, staged_numbers
-from foldback.server.store.tables import (
+from foldback.server.store.schema import (
     ENDED,
     Base,
     CounterRow,
@@ -49,6 +48,7 @@ from foldback.server.store.tables import (
     migrate,
     request_of,
 )
+from foldback.server.store.staged_files import discard_staged, finish_restore, staged_numbers
 from foldback.words.fold import RUNNING_STATUSES, ShownFold
 
 __all__ = ["FoldRow", "NoSuchFoldError", "Store", "new_id", "rows_of"]

@@ -22,7 +22,7 @@ from cachetools import TTLCache, cachedmethod
 from foldback.planner.compilation.compiling_lock import IMPORTS_FRACTION
 from foldback.server.settings import Settings
 from foldback.server.store.folds import Store, rows_of
-from foldback.server.store.tables import CounterRow, WorkerRow
+from foldback.server.store.schema import CounterRow, WorkerRow
 from foldback.server.store.worker_identity import WorkerIdentities
 
 COMPILED_COUNT: Final = 1000

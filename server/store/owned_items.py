@@ -10,7 +10,7 @@ import sqlalchemy as sa
 
 from foldback.server.store.folds import Store, rows_of
 from foldback.server.store.owner import Owner, owned_by
-from foldback.server.store.tables import FoldRow, MovieRow, PreviewRow, TourRow, ValuesRow
+from foldback.server.store.schema import FoldRow, MovieRow, PreviewRow, TourRow, ValuesRow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,7 +92,7 @@ def write_beside(
         store: The rows.
         fold_id: The fold.
         owner: Its owner.
-        kind: Table: tours, or values of modules.
+        kind: Class of the rows: tours, or values of modules.
         note: Plain values; None to remove them.
 
     Returns:

@@ -11,7 +11,7 @@ from typing import Final
 import sqlalchemy as sa
 from sqlalchemy.orm import InstrumentedAttribute
 
-from foldback.server.store.tables import FoldRow
+from foldback.server.store.schema import FoldRow
 
 MIN_TOKEN_CHARS: Final = 24
 """Minimum length of the secret token that proves the ownership of folds, in characters; a shorter

@@ -28,7 +28,7 @@ from foldback.server.settings import Settings
 from foldback.server.store.folds import Store, new_id
 from foldback.server.store.object_store import StorageError
 from foldback.server.store.owner import Owner, owned_by
-from foldback.server.store.tables import PreviewRow, ReportRow
+from foldback.server.store.schema import PreviewRow, ReportRow
 
 PREVIEWS_KEY: Final = "previews"
 SWEEPING_THREAD: Final = "preview-sweep"

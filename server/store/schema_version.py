@@ -1,4 +1,4 @@
-"""Schema version: version of a database's tables, compared with those known to this version."""
+"""Schema version: version of a database's schema, compared with those known to this version."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
 
 MIGRATIONS: Final = Path(str(files("foldback.server") / "migrations"))
-"""Directory of the migrations, one file for each version of the tables."""
+"""Directory of the migrations, one file for each version of the schema."""
 
 
 class NewerSchemaError(Exception):
@@ -24,10 +24,10 @@ class NewerSchemaError(Exception):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Schema:
-    """Versions of the database's tables.
+    """Versions of the database's schema.
 
     Attributes:
-        found: Version of the database's tables; None if it has none yet.
+        found: Version of the database's schema; None if the database is empty.
         known: Versions that this foldback knows, oldest first.
     """
 
@@ -61,7 +61,7 @@ class Schema:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Versions to which the tables have not been migrated yet, oldest first."""
+        """Versions to which the database has not been migrated yet, oldest first."""
         if self.found is None:
             return self.known
         return () if self.newer else self.known[self.known.index(self.found) + 1 :]
@@ -74,7 +74,7 @@ class Schema:
         """
         if self.newer:
             raise NewerSchemaError(
-                f"got a database with tables of version {self.found}, expected {self.head} at "
+                f"got a database of version {self.found}, expected {self.head} at "
                 f"most. A newer foldback than this one ({version('foldback')}) wrote the database. "
                 "Install the newer version again, or restore an older backup."
             )
@@ -82,7 +82,7 @@ class Schema:
 
 @cache
 def known_versions() -> tuple[str, ...]:
-    """Return the versions of tables that this foldback knows, oldest first."""
+    """Return the versions of the schema that this foldback knows, oldest first."""
     # Reading them runs every file of migrations.
     scripts = ScriptDirectory.from_config(config())
     return tuple(reversed([script.revision for script in scripts.walk_revisions()]))

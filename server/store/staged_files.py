@@ -22,7 +22,7 @@ import sqlalchemy as sa
 from foldback.planner.storage.files import settle
 from foldback.server.settings import Settings
 from foldback.server.store.object_store import Storage, StorageError
-from foldback.server.store.tables import CounterRow, changing_alone, is_read_only
+from foldback.server.store.schema import CounterRow, changing_alone, is_read_only
 
 RESTORED_COUNTER: Final = "restored files"
 """Name of the counter with the number of the staged files that have to be moved into place."""

@@ -16,7 +16,7 @@ from sqlalchemy.orm import Session
 
 from foldback.server.settings import Settings
 from foldback.server.store.leases import Leases
-from foldback.server.store.tables import ENDED, STATUSES, FoldRow, MovieRow, engine_of
+from foldback.server.store.schema import ENDED, STATUSES, FoldRow, MovieRow, engine_of
 
 COUNTS_CACHE_S: Final = 2.0
 """Time for which the counts for operators (numbers of folds, durations) are cached, in s."""

@@ -28,7 +28,7 @@ from foldback.server.files.preview_reports import read_report
 from foldback.server.schemas import MAX_FOLD_NAME
 from foldback.server.store.owner import Owner
 from foldback.server.store.previews import NoSuchPreviewError
-from foldback.server.store.tables import FoldRow
+from foldback.server.store.schema import FoldRow
 from foldback.server.submission.parent_folds import ParentFold, finished_parent, stored_parent
 
 OPTIONAL_ID: Final = "^[A-Za-z0-9_-]*$"

@@ -13,7 +13,7 @@ from foldback.planner.storage.file_names import CHAIN, PLAN, RECORDED_PLAN, STAR
 from foldback.planner.verification.integrity import check
 from foldback.server.context import Context
 from foldback.server.errors import Conflict, Unusable
-from foldback.server.store.tables import FoldRow
+from foldback.server.store.schema import FoldRow
 
 Use = Literal["refold", "smooth"]
 COPIED_FILES: Final[dict[str, dict[str, str]]] = {

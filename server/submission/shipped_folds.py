@@ -26,7 +26,7 @@ from foldback.server.processes.scratch import Scratch
 from foldback.server.settings import Settings
 from foldback.server.store.folds import Store, new_id
 from foldback.server.store.owner import Owner
-from foldback.server.store.tables import CounterRow, FoldRow
+from foldback.server.store.schema import CounterRow, FoldRow
 from foldback.server.submission.fold_inputs import Source
 from foldback.server.submission.submit import Submission
 

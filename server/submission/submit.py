@@ -28,7 +28,7 @@ from foldback.server.settings import Settings
 from foldback.server.store.fold_files import size_of, sync
 from foldback.server.store.folds import cost_of, new_id
 from foldback.server.store.owner import Owner
-from foldback.server.store.tables import FoldRow, columns_of
+from foldback.server.store.schema import FoldRow, columns_of
 from foldback.server.submission.fold_inputs import Origin, Source, open_source
 
 

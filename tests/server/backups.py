@@ -35,7 +35,7 @@ from foldback.server.settings import Settings
 from foldback.server.store.folds import Store
 from foldback.server.store.staged_files import staged_numbers
 from tests.server.rows import SOMEBODY, a_fold
-from tests.server.service_thread import copy_tables
+from tests.server.service_thread import copy_schema
 
 TIMEOUT_S = 60.0
 REFUSED_CODE = 3
@@ -79,7 +79,7 @@ class Site:
         (directory / "timeline.zarr").mkdir(parents=True)
         (directory / "input").write_bytes(content + fold_id.encode())
         (directory / "timeline.zarr" / "zarr.json").write_bytes(b'{"attributes": {}}')
-        copy_tables(self.settings)
+        copy_schema(self.settings)
         with closing(Store(self.settings)) as store:
             store.add(a_fold(fold_id, status="queued"), SOMEBODY)
             store.folders.adopt(directory, fold_id)

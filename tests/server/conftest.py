@@ -13,7 +13,7 @@ from foldback.server.settings import Settings
 from foldback.server.store.folds import Store
 from tests.server.bucket import Bucket
 from tests.server.postgres import DATABASES, Postgres
-from tests.server.service_thread import ServiceThread, copy_tables
+from tests.server.service_thread import ServiceThread, copy_schema
 
 
 @pytest.fixture
@@ -61,17 +61,17 @@ def process_state(monkeypatch: pytest.MonkeyPatch) -> None:
 def store(tmp_path: Path) -> Iterator[Store]:
     """Store of folds without any rows."""
     settings = Settings(data_dir=tmp_path)
-    copy_tables(settings)
+    copy_schema(settings)
     with closing(Store(settings)) as store:
         yield store
 
 
 @pytest.fixture(params=DATABASES)
 def each_settings(request: pytest.FixtureRequest, tmp_path: Path) -> Settings:
-    """Settings of a service with tables, for each kind of database."""
+    """Settings of a service with a schema, for each kind of database."""
     url = None if request.param == "sqlite" else request.getfixturevalue("postgres").migrated()
     settings = Settings(data_dir=tmp_path, database_url=url)
-    copy_tables(settings)
+    copy_schema(settings)
     return settings
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import psycopg
 import pytest
 
-from foldback.server.store.tables import engine_for, migrate
+from foldback.server.store.schema import engine_for, migrate
 from tests.server.service_process import wait_until
 from tests.tools import POSTGRES
 

@@ -17,7 +17,7 @@ from foldback.server.store import schema_version
 from foldback.server.store.folds import Store, new_id
 from foldback.server.store.owner import Claim, Owner
 from foldback.server.store.previews import SWEEPING_THREAD
-from foldback.server.store.tables import FoldRow, MovieRow
+from foldback.server.store.schema import FoldRow, MovieRow
 from tests.server.service_process import Service
 
 SOMEBODY = Owner.from_token("a token of somebody")

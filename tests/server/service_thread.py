@@ -47,7 +47,7 @@ EMPTY_DATABASE: list[bytes] = []
 """Cached content of a database file without rows; empty until one is made."""
 
 
-def copy_tables(settings: Settings) -> None:
+def copy_schema(settings: Settings) -> None:
     """Copy empty tables to a new data directory; creating them takes a fifth of a start."""
     path = Path(settings.store_url.removeprefix("sqlite:///"))
     if not path.is_absolute() or path.exists():
@@ -76,7 +76,7 @@ class ServiceThread(Service):
         }
         self.settings = Settings(_env_prefix=UNUSED_PREFIX, **{**fold_values, "workers": 0})  # type: ignore[arg-type]
         self.settings.make_directories()
-        copy_tables(self.settings)
+        copy_schema(self.settings)
         self._handler = logging.FileHandler(self.log)
         self._handler.setFormatter(TextLines({}))
         LOGGER.addHandler(self._handler)

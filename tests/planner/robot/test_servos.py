@@ -5,7 +5,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from docs.make_servos import PAGE, with_table
+from docs.make_servos import PAGE, with_rows
 from foldback.planner.robot.servos import KGF_CM_NM, servo_named, servos
 from foldback.planner.robot.sizing import PERMANENT_TORQUE_SHARE
 from tests.case import case
@@ -62,4 +62,4 @@ def test_unknown_servo_is_refused_with_similar_names() -> None:
 
 def test_table_of_the_page_is_up_to_date() -> None:
     page = PAGE.read_text(encoding="utf-8")
-    assert with_table(page) == page, "run `python -m docs.make_servos`"
+    assert with_rows(page) == page, "run `python -m docs.make_servos`"

@@ -15,7 +15,7 @@ from foldback.planner.storage.files import write_json
 from foldback.server.store.folds import Store, new_id
 from foldback.server.store.owned_items import write_beside
 from foldback.server.store.owner import Owner, new_token
-from foldback.server.store.tables import FoldRow, MovieRow, PreviewRow, TourRow, ValuesRow
+from foldback.server.store.schema import FoldRow, MovieRow, PreviewRow, TourRow, ValuesRow
 from tests.server.rows import a_fold, a_movie
 from tests.server.service_process import bearer
 from tests.server.service_thread import ServiceThread

@@ -14,7 +14,7 @@ from foldback.planner.readers.gallery import Gallery
 from foldback.server.api.folds import post_fold
 from foldback.server.context import Context
 from foldback.server.errors import Unusable
-from foldback.server.store.tables import FoldRow
+from foldback.server.store.schema import FoldRow
 from foldback.server.submission import fold_inputs as source_module
 from foldback.server.submission.fold_inputs import Origin, Source, open_source
 from foldback.server.submission.parent_folds import ParentFold

@@ -13,7 +13,7 @@ from foldback.planner.parameters.option import Choice, option, options_of
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.server.dependencies.request_bodies import form_of
 from foldback.server.pages.page import rendered
-from foldback.server.store.tables import REQUESTED_COLUMNS, FoldRow
+from foldback.server.store.schema import REQUESTED_COLUMNS, FoldRow
 from tests.server.asgi import send_request
 
 

@@ -16,7 +16,7 @@ from foldback.planner.verification.verify import verify
 from foldback.server.pages.cards import included_folds
 from foldback.server.settings import Settings
 from foldback.server.store.folds import Store
-from foldback.server.store.tables import CounterRow
+from foldback.server.store.schema import CounterRow
 from foldback.server.submission.shipped_folds import SHIPPED_FOLDS_DIR, import_shipped_folds
 from tests.planner.later_parameters import later
 

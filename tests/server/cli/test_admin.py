@@ -18,7 +18,7 @@ from foldback.server.settings import Settings
 from foldback.server.store.folds import NoSuchFoldError, Store
 from foldback.server.store.leases import Leases
 from foldback.server.store.owner import Owner
-from foldback.server.store.tables import FoldRow, MovieRow
+from foldback.server.store.schema import FoldRow, MovieRow
 from foldback.server.submission.shipped_folds import import_shipped_folds
 from tests.server.rows import a_fold, a_movie
 

@@ -16,13 +16,13 @@ import msgspec
 import pytest
 
 from foldback.server.admin.backup_manifest import MANIFEST, ROWS, BackupFile, Manifest
-from foldback.server.admin.backup_rows import SAVED_TABLES, UNSAVED_TABLES
-from foldback.server.admin.database import drop_tables, replacement
+from foldback.server.admin.backup_rows import SAVED_KINDS, UNSAVED_KINDS
+from foldback.server.admin.database import drop_schema, replacement
 from foldback.server.doctor.data import database
 from foldback.server.jobs.housekeeping import Housekeeping
 from foldback.server.store.folds import NoSuchFoldError, Store
+from foldback.server.store.schema import Base, engine_for, migrate
 from foldback.server.store.staged_files import StagedFolders
-from foldback.server.store.tables import Base, engine_for, migrate
 from tests.case import case
 from tests.server.backups import Site
 from tests.server.postgres import Postgres
@@ -198,8 +198,8 @@ HOSTILE: dict[str, Callable[[Path], object]] = {
     "storage": _manifest(storage="program"),
     "more members": _manifest(script="rm"),
     "no row": _rows(lambda text: ""),
-    "other table": _added(["sqlite_master", {"sql": "CREATE TRIGGER t"}]),
-    "version table": _added(["alembic_version", {"version_num": "1"}]),
+    "other kind": _added(["sqlite_master", {"sql": "CREATE TRIGGER t"}]),
+    "version row": _added(["alembic_version", {"version_num": "1"}]),
     "worker": _added(["workers", {"name": "a"}]),
     "no array": _rows(lambda text: text + "DROP TABLE folds;\n"),
     "cut": _rows(lambda text: text[:-9]),
@@ -277,7 +277,7 @@ def test_folds_without_files_are_left_out(small: Site, tmp_path: Path) -> None:
 
 
 def test_every_table_is_in_a_backup_or_left_out_on_purpose() -> None:
-    assert {*SAVED_TABLES, *UNSAVED_TABLES} == set(Base.metadata.tables)
+    assert {*SAVED_KINDS, *UNSAVED_KINDS} == set(Base.metadata.tables)
 
 
 @pytest.mark.processes
@@ -315,7 +315,7 @@ def test_second_restore_at_the_same_time_is_refused(
     before = site.state()
     with replacement(site.settings.store_url) as connection:
         refused = site.run("restore", "--replace", tmp_path / "copy")
-        drop_tables(connection)
+        drop_schema(connection)
     assert refused.exit_code == 1 and "in use" in refused.stderr
     assert site.state() == before
 
@@ -372,7 +372,7 @@ def test_backup_holds_the_latest_rows_and_no_links(small: Site, tmp_path: Path) 
         assert done.exit_code == 0, done.output
         store.add(a_fold("third"), SOMEBODY)
     rows = map(json.loads, (copy / "rows.jsonl").read_text().splitlines())
-    assert {row["id"] for table, row in rows if table == "folds"} == {"first", "second"}
+    assert {row["id"] for kind, row in rows if kind == "folds"} == {"first", "second"}
     assert not (copy / "folds/first/link").exists()
 
 
@@ -381,19 +381,19 @@ def test_migration_is_announced_before_it_is_done(tmp_path: Path) -> None:
     result = site.run("migrate", "--check")
     assert result.exit_code == 3 and "version 0001" in result.stdout
     assert not site.data_dir.exists()
-    assert "expected tables to back up" in site.run("backup", tmp_path / "copy").stderr
+    assert "expected rows to back up" in site.run("backup", tmp_path / "copy").stderr
     site.settings.make_directories()
     engine = engine_for(site.settings.store_url)
     migrate(engine)
     engine.dispose()
-    current = "All database tables are up to date.\n"
+    current = "The database is up to date.\n"
     with second_migration(tmp_path):
         result = site.run("migrate", "--check")
         assert result.exit_code == 3
-        assert result.stdout == "would migrate the tables of folds to version 0002\n"
+        assert result.stdout == "would migrate the database to version 0002\n"
         assert site.run("backup", tmp_path / "copy").exit_code == 0  # before the upgrade
         assert "foldback admin migrate" in site.run("list").stderr
-        assert site.run("migrate").stdout == "migrated the tables of folds to version 0002\n"
+        assert site.run("migrate").stdout == "migrated the database to version 0002\n"
         assert site.run("migrate", "--check").stdout == current
         assert site.run("restore", "--replace", tmp_path / "copy").exit_code == 0
         assert site.run("migrate", "--check").stdout == current

@@ -19,7 +19,7 @@ from foldback.server.doctor.check_result import CheckResult, examine
 from foldback.server.doctor.doctor import CHECKS
 from foldback.server.processes.movie_task import GL_SETTING
 from foldback.server.settings import Settings
-from foldback.server.store.tables import engine_for, migrate
+from foldback.server.store.schema import engine_for, migrate
 from tests.case import case
 from tests.server.cli.test_command_line import foldback
 from tests.server.postgres import Postgres

@@ -24,7 +24,7 @@ from foldback.server.pages.facts import fold_facts
 from foldback.server.store.fold_files import EXPORTS_DIR
 from foldback.server.store.fold_source import Found
 from foldback.server.store.folds import NoSuchFoldError, Store
-from foldback.server.store.tables import FoldRow
+from foldback.server.store.schema import FoldRow
 from foldback.words.fold import ShownFold
 from tests.planner.chains import coil
 from tests.planner.plans import resting, turn_by_turn

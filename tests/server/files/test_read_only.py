@@ -14,7 +14,7 @@ import pytest
 
 from foldback.server.doctor.data import database, directory
 from foldback.server.settings import Settings
-from foldback.server.store.tables import read_only_engine
+from foldback.server.store.schema import read_only_engine
 from tests.server.files.test_damage import ROUTES, service_with_shipped_fold
 from tests.server.service_process import check_problem
 from tests.server.service_thread import ServiceThread

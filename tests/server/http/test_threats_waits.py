@@ -13,7 +13,7 @@ from foldback.planner.chain.chain import Chain
 from foldback.planner.motion.timeline import TimelineWriter
 from foldback.server.api import player_data as frame_routes
 from foldback.server.jobs.eta import EtaEstimator
-from foldback.server.store.tables import FoldRow
+from foldback.server.store.schema import FoldRow
 from foldback.server.viewing import fold_states
 from foldback.web.timeline.view import TimelineView
 from tests.planner.chains import chain_of

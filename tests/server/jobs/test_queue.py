@@ -11,7 +11,7 @@ from foldback.planner.progress import STAGES
 from foldback.server.jobs.queue import FoldClaim, Lane, MovieClaim, Queue
 from foldback.server.limits.fair_queue import QUICK_FOLD_S
 from foldback.server.store.folds import Store
-from foldback.server.store.tables import FoldRow
+from foldback.server.store.schema import FoldRow
 from tests.server.rows import SOMEBODY, a_fold, a_movie, scans, statements
 
 

@@ -15,8 +15,8 @@ from foldback.server.ops.supervisor import environment_of_worker
 from foldback.server.settings import Settings
 from foldback.server.store.folds import Store
 from foldback.server.store.leases import Leases
+from foldback.server.store.schema import WorkerRow
 from foldback.server.store.stats import Stats
-from foldback.server.store.tables import WorkerRow
 from tests.server.rows import a_fold, statements
 from tests.server.service_process import METRICS_TOKEN, SNAKE, FinishedFold, Service, bearer
 from tests.server.service_thread import ServiceWith

@@ -10,15 +10,15 @@ from foldback.server.cli.command_line import COMMANDS
 from foldback.server.ops.metrics import Metrics
 from foldback.server.ops.readiness import Places
 from foldback.server.settings import Settings
+from foldback.server.store.schema import STATUSES
 from foldback.server.store.stats import ServiceCounts
-from foldback.server.store.tables import STATUSES
 from tests.run_python import ROOT
 
 PAGE = (ROOT / "docs" / "operations.md").read_text(encoding="utf-8")
 
 
 def test_table_of_settings_is_up_to_date() -> None:
-    assert make_settings.with_table(PAGE) == PAGE, "run `python -m docs.make_settings`"
+    assert make_settings.with_rows(PAGE) == PAGE, "run `python -m docs.make_settings`"
     for name in Settings.model_fields:
         assert f"| `FOLDBACK_{name.upper()}` |" in PAGE
     assert all(field.description for field in Settings.model_fields.values())

@@ -18,12 +18,12 @@ from foldback.server.store.folds import Store
 from foldback.server.store.leases import Leases
 from tests.server.postgres import Postgres
 from tests.server.service_process import Service
-from tests.server.service_thread import ServiceWith, copy_tables
+from tests.server.service_thread import ServiceWith, copy_schema
 
 
 @contextmanager
 def readiness(settings: Settings) -> Iterator[Readiness]:
-    copy_tables(settings)
+    copy_schema(settings)
     with closing(Store(settings)) as store:
         yield Readiness(settings, Leases.of(settings, store))
 

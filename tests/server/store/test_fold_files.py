@@ -11,7 +11,7 @@ from foldback.server.settings import Settings
 from foldback.server.store import fold_files
 from foldback.server.store.fold_files import MIN_COPY_AGE_S, Folders
 from foldback.server.store.object_store import StorageError, open_storage
-from foldback.server.store.tables import FoldRow
+from foldback.server.store.schema import FoldRow
 
 FOLD = "a1"
 

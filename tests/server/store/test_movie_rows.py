@@ -19,7 +19,7 @@ from foldback.server.limits.networks import visitor_at
 from foldback.server.settings import Settings
 from foldback.server.store.folds import Store
 from foldback.server.store.owner import Owner
-from foldback.server.store.tables import FoldRow, MovieRow
+from foldback.server.store.schema import FoldRow, MovieRow
 from foldback.web.movies.movie import Movie
 from tests.refusal import refused
 from tests.server.rows import a_fold, new_owner

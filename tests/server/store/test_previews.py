@@ -30,10 +30,10 @@ from foldback.server.store.previews import (
     PreviewSize,
     superfluous,
 )
-from foldback.server.store.tables import PreviewRow
+from foldback.server.store.schema import PreviewRow
 from tests.case import case
 from tests.server.rows import new_owner
-from tests.server.service_thread import copy_tables
+from tests.server.service_thread import copy_schema
 
 MIB = 2**20
 
@@ -93,7 +93,7 @@ def site_with(tmp_path: Path) -> Iterator[SiteWith]:
 
         def make(**settings: Any) -> Site:
             chosen_settings = Settings(**{"data_dir": tmp_path / "here", **settings})
-            copy_tables(chosen_settings)
+            copy_schema(chosen_settings)
             return sites.enter_context(closing(Site(chosen_settings)))
 
         yield make

@@ -12,7 +12,7 @@ from foldback.server.jobs.queue import FoldClaim, Queue
 from foldback.server.jobs.slices import SLICE_POLL_S, Slice
 from foldback.server.limits.fair_queue import slice_s, wait_s
 from foldback.server.store.folds import NoSuchFoldError, Store
-from foldback.server.store.tables import FoldRow
+from foldback.server.store.schema import FoldRow
 from tests.server.rows import a_fold, new_owner
 
 OWNER = new_owner()

@@ -55,7 +55,7 @@ function cellsOf(text) {
     below.some((line) => numbers(line).length > 1) ||
     (numbers(first).length > 1 && !numbers(first).includes(null));
   /** @type {Cells} */
-  const table = { rows: [], header: [], places: [] };
+  const parsed = { rows: [], header: [], places: [] };
   /** @type {Error | null} */
   let unread = null; // about the first line that is no numbers
   lines.forEach((line, k) => {
@@ -71,7 +71,7 @@ function cellsOf(text) {
     const row = cells.map(read);
     const wrong = row.indexOf(null);
     if (line.startsWith("#")) {
-      table.header = [line.replace(/^#\s*/, "")];
+      parsed.header = [line.replace(/^#\s*/, "")];
       return;
     }
     if (wrong >= 0) {
@@ -79,16 +79,16 @@ function cellsOf(text) {
         `Line ${k + 1}: "${cells[wrong].slice(0, 40)}" is not a number. Leave the field empty if ` +
           `a value is missing.`,
       );
-      if (table.rows.length) throw error;
+      if (parsed.rows.length) throw error;
       unread ??= error;
-      table.header = cells;
+      parsed.header = cells;
       return;
     }
-    table.rows.push(/** @type {number[]} */ (row));
-    table.places.push(k + 1);
+    parsed.rows.push(/** @type {number[]} */ (row));
+    parsed.places.push(k + 1);
   });
-  if (unread && !table.rows.length) throw unread;
-  return table;
+  if (unread && !parsed.rows.length) throw unread;
+  return parsed;
 }
 
 // Parse JSON: a list of numbers, a list of lists, or either in an object with a name and a unit.

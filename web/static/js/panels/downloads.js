@@ -147,8 +147,8 @@ export async function checkMotors(id, form) {
   get("motors").textContent = "Computing…";
   try {
     get("motors").textContent = motorWords(await ask(`/api/folds/${id}/motors?${query}`));
-    get("torque-table").hidden = false;
-    /** @type {HTMLAnchorElement} */ (get("torque-table").querySelector("a")).href = at(
+    get("torque-files").hidden = false;
+    /** @type {HTMLAnchorElement} */ (get("torque-files").querySelector("a")).href = at(
       `/api/folds/${id}/motors?${query}&format=csv`,
     );
   } catch (error) {

@@ -3,12 +3,12 @@ import { copyText, element, get, toast } from "../lib/text.js";
 
 const TABS = ["attempts", "module", "plots", "properties", "downloads"];
 
-// Return a table with these column headings.
+// Return rows of values below these column headings.
 /**
  * @param {string[]} columns
  * @param {HTMLTableRowElement[]} rows
  */
-export const table = (columns, rows) =>
+export const rowsWithHeadings = (columns, rows) =>
   element(
     "table",
     { class: "joints" },

@@ -2,7 +2,7 @@
 // cell, the state of its joint, and the nearest module.
 import { element, get, newtonMetres, number, pitches, radians, si } from "../lib/text.js";
 import { frameIn, refuse } from "../player/bar.js";
-import { table } from "./drawer.js";
+import { rowsWithHeadings } from "./drawer.js";
 
 /**
  * @param {number} value
@@ -149,8 +149,11 @@ export class ModulePanel {
     get("module-joint").replaceChildren(
       ...(joints.length
         ? [
-            table(["Hinge", "Now", "Folded", "Joint error"], rows("now", "target", "error")),
-            table(["Hinge", "Speed", "Torque"], rows("speed", "torque")),
+            rowsWithHeadings(
+              ["Hinge", "Now", "Folded", "Joint error"],
+              rows("now", "target", "error"),
+            ),
+            rowsWithHeadings(["Hinge", "Speed", "Torque"], rows("speed", "torque")),
           ]
         : [element("p", { class: "hint" }, "This module has no joint.")]),
     );

@@ -1,4 +1,4 @@
-// Keyboard shortcuts of a page with a player. One table
+// Keyboard shortcuts of a page with a player. One list
 // defines them and fills the dialog that lists them.
 import { element, get, store, stored } from "../lib/text.js";
 import { KEY_ORBITS } from "../viewer/scene.js";
@@ -36,7 +36,7 @@ const switched =
     `${words} ${state?.[name] ? "on" : "off"}`;
 
 /** @type {Row[]} */
-const TABLE = [
+const SHORTCUTS = [
   { labels: ["Space"], text: "Play or pause", does: { " ": send({ do: "toggle" }) } },
   {
     labels: ["←", "→"],
@@ -199,13 +199,13 @@ export class Keys {
     this.player = player;
     this.bar = bar;
     this.options = options;
-    this.rows = TABLE.filter(({ applies }) => !applies || applies(this));
+    this.rows = SHORTCUTS.filter(({ applies }) => !applies || applies(this));
     this.dialog = get("keys-dialog");
     this.off = get("keys-off");
     this.off.checked = stored(KEPT) === "off";
     this.off.onchange = () => store(KEPT, this.off.checked ? "off" : null);
     get("keys").onclick = () => this.open();
-    get("keys-table").replaceChildren(
+    get("keys-list").replaceChildren(
       ...this.rows.map(({ labels, text }) =>
         element(
           "div",

@@ -23,9 +23,9 @@ const rotation = ([x, y, z], angle) => {
 
 export class Kinematics {
   /** @type {Poses | undefined} */
-  foldedTable;
+  relativeFolded;
   /** @type {Poses | undefined} */
-  straightTable;
+  relativeStraight;
 
   // `chain` as in the scene bundle's header; poses of windows need `foldedRad`.
   /**
@@ -63,7 +63,7 @@ export class Kinematics {
   poses(angles, position, wxyz) {
     const poses = this.room(Float32Array);
     moved(
-      this.table((j) => angles[j]),
+      this.relative((j) => angles[j]),
       this.chain.root,
       [0, this.chain.modules],
       vectorOf(position),
@@ -98,7 +98,7 @@ export class Kinematics {
     return { ...poses, core, rod };
   }
 
-  // Compute the poses of modules `begin` to `end` − 1. Return the last one.
+  // Compute the poses of modules `start` to `end` − 1. Return the last one.
   /**
    * @param {(hinge: number) => number} angle
    * @param {number} start
@@ -149,15 +149,16 @@ export class Kinematics {
   // Poses of the folded and of the straight chain relative to the first module.
   get folded() {
     const foldedRad = /** @type {Floats} */ (this.foldedRad);
-    return (this.foldedTable ??= this.table((j) => foldedRad[j]));
+    return (this.relativeFolded ??= this.relative((j) => foldedRad[j]));
   }
 
   get straight() {
-    return (this.straightTable ??= this.table(() => 0));
+    return (this.relativeStraight ??= this.relative(() => 0));
   }
 
+  // Return poses relative to the first module.
   /** @param {(hinge: number) => number} angle */
-  table(angle) {
+  relative(angle) {
     const poses = this.room(Float64Array);
     this.ahead(angle, 0, this.chain.modules, [0, 0, 0], [1, 0, 0, 0], poses);
     return poses;
@@ -185,12 +186,12 @@ function put(i, p, q, { positions, wxyzs }) {
   for (let k = 0; k < 4; k++) wxyzs[4 * i + k] = q[k] /= l;
 }
 
-// Store the poses of modules `begin` to `end` − 1 of a rigid chain
-// in the shape of `table`, where module `known` has the pose p, q.
+// Store the poses of modules `start` to `end` − 1 of a rigid chain
+// in the shape of `shape`, where module `reference` has the pose p, q.
 /**
- * @param {Poses} table
+ * @param {Poses} shape
  * @param {number} reference
- * @param {[begin: number, end: number]} span
+ * @param {[start: number, end: number]} span
  * @param {Vector} p
  * @param {Quaternion} q
  * @param {Poses} poses

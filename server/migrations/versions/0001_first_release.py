@@ -1,4 +1,4 @@
-"""All tables of the first release."""
+"""Schema of the first release."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ down_revision = None
 
 
 def upgrade() -> None:
-    """Create the tables."""
+    """Create the schema."""
     _create_folds()
     _create_parts_of_folds()
     _create_previews()
@@ -18,7 +18,7 @@ def upgrade() -> None:
 
 
 def _create_folds() -> None:
-    """Create the table of folds."""
+    """Create the rows of folds."""
     op.create_table(
         "folds",
         sa.Column("id", sa.String(32), nullable=False),
@@ -76,7 +76,7 @@ def _create_folds() -> None:
 
 
 def _create_parts_of_folds() -> None:
-    """Create the tables of what belongs to a fold: movies, tours and module values."""
+    """Create the rows of what belongs to a fold: movies, tours and module values."""
     op.create_table(
         "movies",
         sa.Column("fold_id", sa.String(32), nullable=False),
@@ -117,7 +117,7 @@ def _create_parts_of_folds() -> None:
 
 
 def _create_previews() -> None:
-    """Create the tables of previews."""
+    """Create the rows of previews."""
     op.create_table(
         "previews",
         sa.Column("id", sa.String(32), nullable=False),
@@ -147,7 +147,7 @@ def _create_previews() -> None:
 
 
 def _create_shared() -> None:
-    """Create the tables that all processes of a service share."""
+    """Create the rows that all processes of a service share."""
     op.create_table(
         "workers",
         sa.Column("name", sa.String(200), nullable=False),

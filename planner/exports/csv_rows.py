@@ -1,4 +1,4 @@
-"""Table: the fold as CSV, a row for each frame, for pandas, NumPy and spreadsheets.
+"""CSV: the fold as text, a row for each frame, for pandas, NumPy and spreadsheets.
 
 Times rise strictly: of frames at one time, between which nothing moves, there is the last.
 """

@@ -1,4 +1,4 @@
-"""Number tables: numbers of many lines of text, read in large chunks without a loop over lines."""
+"""Rows of numbers: many lines of text, read in large chunks without a loop over lines."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Bytes = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Table:
+class NumberRows:
     """Numbers of lines.
 
     Attributes:
@@ -59,14 +59,14 @@ def chunks(data: bytes) -> Iterator[bytes]:
         at = end
 
 
-def table(text: Bytes) -> Table | None:
+def parse_rows(text: Bytes) -> NumberRows | None:
     """Parse lines of numbers; None if they hold anything else.
 
     Args:
         text: Whole lines, the last one with its line feed.
     """
     if not len(text):
-        return Table(values=np.zeros(0), counts=np.zeros(0, dtype=np.int64))
+        return NumberRows(values=np.zeros(0), counts=np.zeros(0, dtype=np.int64))
     dark = text > ord(" ")
     begins = dark.copy()
     begins[1:] &= ~dark[:-1]
@@ -81,4 +81,4 @@ def table(text: Bytes) -> Table | None:
         return None
     if len(values) != int(counts.sum()):
         return None
-    return Table(values=values, counts=counts)
+    return NumberRows(values=values, counts=counts)

@@ -13,8 +13,8 @@ from alembic.runtime.migration import MigrationContext
 from foldback.server.cli.serve import server_of
 from foldback.server.settings import Settings
 from foldback.server.store.folds import Store
+from foldback.server.store.schema import STATUSES, Base, FoldRow, engine_for, migrate
 from foldback.server.store.schema_version import NewerSchemaError, Schema
-from foldback.server.store.tables import STATUSES, Base, FoldRow, engine_for, migrate
 from tests.server.postgres import DATABASES
 from tests.server.rows import second_migration
 
@@ -116,4 +116,4 @@ def test_newer_database_is_refused_and_unchanged(
         server_of(Settings(data_dir=tmp_path))
     assert ended.value.code == 1
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("The service does not start: got a database with tables of version 0099")
+    assert line.startswith("The service does not start: got a database of version 0099")

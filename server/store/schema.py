@@ -1,4 +1,4 @@
-"""Tables of the service, database engines, and the migration to the newest schema."""
+"""Schema of the service's database: rows, engines, and the migration to the newest version."""
 
 from __future__ import annotations
 
@@ -297,7 +297,7 @@ MISSING_LOG_ERRORS: Final = ("unable to open", "readonly database")
 """Texts in SQLite's error messages if a database in a read-only directory lacks the files of its
 write-ahead log; the database is then opened as immutable."""
 MIGRATION_LOCK = 0x666F6C65
-"""Key of the advisory lock of PostgreSQL that a process holds while it changes the tables to a new
+"""Key of the advisory lock of PostgreSQL that a process holds while it changes the schema to a new
 version, so that two processes never do so at the same time. Any number that no other lock uses; all
 processes must use the same."""
 
@@ -398,7 +398,7 @@ def engine_for(url: str) -> sa.Engine:
 
 
 def migrate(engine: sa.Engine) -> None:
-    """Migrate the tables to the newest schema, if they are older.
+    """Migrate the database to the newest schema, if its own is older.
 
     Raises:
         NewerSchemaError: If a newer foldback wrote them.
@@ -411,7 +411,7 @@ def migrate(engine: sa.Engine) -> None:
         if not schema.missing:
             return
         if is_read_only(engine):
-            words = "the disk is read-only, and the tables on it are missing or too old"
+            words = "the disk is read-only, and the database on it is empty or too old"
             raise OSError(errno.EROFS, words, engine.url.database)
         upgrade(connection, "head")
 
@@ -429,7 +429,7 @@ def changing_alone(engine: sa.Engine) -> Generator[sa.Connection]:
 
 
 def upgrade(connection: sa.Connection, version: str) -> None:
-    """Migrate the tables to a version within the transaction of a connection."""
+    """Migrate the schema to a version within the transaction of a connection."""
     from alembic import command
 
     from foldback.server.store.schema_version import config

@@ -60,19 +60,19 @@ class Section:
     def show(self, console: Console) -> None:
         """Print the rows and the figures."""
         if self.rows:
-            table = Table(title=f"{self.name}: runs", title_justify="left")
+            grid = Table(title=f"{self.name}: runs", title_justify="left")
             for name in self.rows[0]:
-                table.add_column(name, overflow="fold")
+                grid.add_column(name, overflow="fold")
             for row in self.rows:
-                table.add_row(*(_text(value) for value in row.values()))
-            console.print(table)
-        table = Table(title=f"{self.name}: figures", title_justify="left")
+                grid.add_row(*(_text(value) for value in row.values()))
+            console.print(grid)
+        grid = Table(title=f"{self.name}: figures", title_justify="left")
         for name in ("figure", "measured", "bar", ""):
-            table.add_column(name)
+            grid.add_column(name)
         marks = {True: "met", False: "NOT MET", None: ""}
         for figure in self.figures:
-            table.add_row(figure.name, figure.value, figure.bar, marks[figure.met])
-        console.print(table)
+            grid.add_row(figure.name, figure.value, figure.bar, marks[figure.met])
+        console.print(grid)
 
 
 def _text(value: Any) -> str:
