@@ -14,13 +14,10 @@ from foldback.planner.errors import InputError
 from foldback.planner.readers.angle_strings import HEADING
 from foldback.planner.readers.gallery import Gallery
 from foldback.planner.readers.limits import megabytes
-from foldback.planner.readers.text import READ_AS_VOXELS
 from foldback.planner.storage.files import MAX_FILE_BYTES
 
 if TYPE_CHECKING:
     from foldback.planner.plan.plan import Plan
-
-TYPED_REMEDY = "if the order of the cells has no meaning, use --as-voxels"
 
 
 def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str]:
@@ -68,7 +65,6 @@ def read_plan(directory: Path) -> Plan:
 
 def refuse(error: InputError, as_json: bool) -> NoReturn:
     """Print the error of the input and exit with 2."""
-    error = error.changed(error.template.replace(READ_AS_VOXELS, TYPED_REMEDY))
     if as_json:
         problem = {
             "code": error.code,

@@ -59,7 +59,7 @@ def test_unordered_cells_are_read_as_voxels_on_request(tmp_path: Path) -> None:
         assert (note in report["notes"]) == (not options)
     refused = foldback("fold", str(file), "--out", str(tmp_path / "fold"))
     assert refused.returncode == 2
-    assert "cells 1 and 2" in refused.stderr and "--as-voxels" in refused.stderr
+    assert "cells 1 and 2" in refused.stderr and "option as_voxels" in refused.stderr
 
 
 def test_terminal_counts_modules_and_frames_from_one(
