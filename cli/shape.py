@@ -148,6 +148,8 @@ def show(report: dict[str, Any], out: Path) -> None:
         grid.add_row("Path method", f"{report['method']}, {report['candidates']} candidates")
     if report["knot"] is not None:
         grid.add_row("Knot in the path", KNOT_WORDS[report["knot"]["verdict"]])
+    if report["repaired"]:
+        grid.add_row("Repaired", report["repaired"])
     for note in report["notes"]:
         grid.add_row("Note", note)
     if report["has_path"]:

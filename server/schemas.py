@@ -485,6 +485,8 @@ class Preview(Body):
     feasibility: Feasibility | None
     knot: Knot | None
     notes: list[str]
+    repaired: str = ""
+    """Changes that a repair made; empty without a repair."""
     added: list[list[int]] = []
     """Cells that a repair for a table added."""
     as_voxels: bool

@@ -173,6 +173,7 @@ declare namespace Api {
     feasibility: Feasibility | null;
     knot: Knot | null;
     notes: string[];
+    repaired?: string;
     added?: number[][];
     as_voxels: boolean;
     start: number[] | null;

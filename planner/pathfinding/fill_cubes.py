@@ -43,7 +43,7 @@ class Cubes:
     ) -> FilledShape:
         """Find chains through cells; see ``planner.pathfinding.filling_methods.FillingMethod``."""
         notes: tuple[str, ...] = ()
-        was_doubled = False
+        was_doubled, repaired = False, ""
         cell_count = len(shape)
         method = options.method
         if of_solid and _in_blocks(options):
@@ -61,7 +61,7 @@ class Cubes:
             repair = requested_repair(shape, state, options)
             if repair is not None:
                 shape = apply_repair(shape, repair)
-                notes = (*notes, f"Repaired: {repair.done}")
+                repaired = repair.done
                 state = feasibility(shape)
             else:
                 notes = (*notes, only_doubling(shape, state.repairs[0]))
@@ -84,6 +84,7 @@ class Cubes:
             scale=float(scale),
             shift=-0.5,
             modules_per_cell=scale**3,
+            repaired=repaired,
         )
 
     def check(self, shape: Shape, options: PathOptions) -> None:

@@ -38,9 +38,9 @@ class Tetrahedra:
         notes: tuple[str, ...] = ()
         if not of_solid:
             notes = (f"Each cell became a ring of {TETRAHEDRA_PER_RING} tetrahedra.",)
-        state = _feasibility(shape)
+        state, repaired = _feasibility(shape), ""
         if state.repairs and options.repair:
-            notes = (*notes, f"Repaired: {state.repairs[0].done}")
+            repaired = state.repairs[0].done
             shape = apply_repair(shape, state.repairs[0])
             state = _feasibility(shape)
         chains: tuple[Chain, ...] = ()
@@ -73,6 +73,7 @@ class Tetrahedra:
             scale=2.0,
             shift=1.0,
             modules_per_cell=TETRAHEDRA_PER_RING,
+            repaired=repaired,
         )
 
     def check(self, shape: Shape, options: PathOptions) -> None:

@@ -31,6 +31,7 @@ class FilledShape:
         line: (m, 3) course of the first chain, in steps along the axes of the folded chain's space.
         knot: Knot of the first candidate; None without one.
         notes: Messages for the user.
+        repaired: What a repair changed, as a phrase; empty without one.
         not_started: Reason why no chain begins in the requested cell, or empty.
         scale, shift: Map to the folded chains' space, see above; ``shift`` is a number or (3,).
         modules_per_cell: Modules for each cell of what was voxelised.
@@ -50,6 +51,7 @@ class FilledShape:
     scale: float
     shift: float | Array
     modules_per_cell: int
+    repaired: str = ""
     added: tuple[Cell, ...] = ()
     turn: Array = field(default_factory=lambda: np.eye(3))
 

@@ -101,6 +101,11 @@ class Preparation:
         return tuple(f"{note[:1].upper()}{note[1:]}" for note in self.notes)
 
     @property
+    def repaired(self) -> str:
+        """What a repair changed, as a phrase; empty without one."""
+        return "" if self.filled is None else self.filled.repaired
+
+    @property
     def likeness(self) -> Likeness | None:
         """Likeness of the best chain to the whole input; None for paths and chains."""
         return next(iter(self.likenesses), None)
@@ -175,7 +180,7 @@ class Preparation:
         return PreparedChains(
             kind=self.kind,
             method=self.method,
-            notes=self.sentences,
+            notes=(*((f"Repaired: {self.repaired}",) if self.repaired else ()), *self.sentences),
             knot=None if self.knot is None else self.knot.verdict,
             chains=self.chains,
             likenesses=self.likenesses,
@@ -211,6 +216,7 @@ class Preparation:
             if self.knot is None
             else {"verdict": self.knot.verdict, "determinant": self.knot.determinant},
             "notes": list(self.sentences),
+            "repaired": self.repaired,
             "added": [] if self.filled is None else [list(cell) for cell in self.filled.added],
             "as_voxels": self.options.as_voxels,
             "start": None if self.options.start is None else list(self.options.start),

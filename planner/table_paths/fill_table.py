@@ -50,7 +50,7 @@ class TableCubes:
         """Find chains through cells; a mesh keeps its orientation."""
         del time_limit_s
         notes: tuple[str, ...] = ()
-        added: list[Cell] = []
+        repaired, added = "", list[Cell]()
         doubles = _doubles(shape, options, of_solid=of_solid)
         if doubles:
             shape = doubled(shape)
@@ -59,7 +59,7 @@ class TableCubes:
         if not paths and options.repair and (added := cells_to_add(shape.cells, seed)):
             shape = with_cells(shape, added)
             paths, reasons = paths_or_reasons(shape.cells, seed=seed, turned=False)
-            notes = (f"Repaired: {added_words(added)}",)
+            repaired = added_words(added)
         shift = paths[0].shift if paths else np.zeros(3, dtype=np.int64)
         turn = np.asarray(paths[0].turn if paths else np.eye(3), dtype=np.float64)
         if paths and paths[0].down != "-z":
@@ -81,6 +81,7 @@ class TableCubes:
             scale=2.0 if doubles else 1.0,
             shift=np.asarray(shift - turn @ np.full(3, 0.5), dtype=np.float64),
             modules_per_cell=BLOCK_CELLS if doubles else 1,
+            repaired=repaired,
             added=tuples(np.array(added, dtype=np.int64).reshape(-1, 3) + shift),
             turn=turn,
         )

@@ -20,6 +20,7 @@ from foldback.planner.readers.formats import READABLE_SUFFIXES
 from foldback.server.http.base_path import BASE_PATH, at
 from foldback.server.http.security import INDEXED_HEADERS
 from foldback.web.static_files import VERSIONED, code_of, scripts_of, scripts_version, text_of
+from foldback.words.curves import CURVE_LABELS, EXTREMES
 from foldback.words.settings import PAPER_ROWS, ROBOT_ROWS, SOURCE_LABELS, TABLE_ROWS
 
 THEME_SCRIPT: Final = "js/theme.js"
@@ -79,6 +80,8 @@ def entry(page_name: str) -> Markup:
 TEMPLATE_VALUES: Final[dict[str, object]] = {
     "at": at,
     "site": None,
+    "curve_labels": CURVE_LABELS,
+    "curve_extremes": EXTREMES,
     "readable_suffixes": ",".join(READABLE_SUFFIXES),
     "paper_settings": PAPER_ROWS,
     "table_settings": TABLE_ROWS,

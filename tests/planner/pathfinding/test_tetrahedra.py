@@ -75,7 +75,7 @@ def test_separate_parts_are_dropped_on_request_only() -> None:
         _ = preparation.chain
     repaired = prepare_chain(VOXELS, repair=True)
     assert len(repaired.chain) == 3 * TETRAHEDRA_PER_RING
-    assert any("removed the other cell" in note for note in repaired.notes)
+    assert "removed the other cell" in repaired.repaired
 
 
 @pytest.mark.slow

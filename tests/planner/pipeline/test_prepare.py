@@ -82,7 +82,8 @@ def test_voxels_without_a_path_are_repaired_or_doubled_on_request() -> None:
         _ = prepared.chain
     repaired = prepare(voxels(plus), "plus.json", PathOptions(repair=True))
     assert repaired.chains
-    assert any(note.startswith("Repaired") for note in repaired.notes)
+    assert repaired.repaired
+    assert f"Repaired: {repaired.repaired}" in repaired.prepared().notes
     blocks = prepare(voxels(plus), "plus.json", PathOptions(method="blocks")).chain
     assert (len(blocks), blocks.pitch_m) == (40, pytest.approx(0.005))
 

@@ -308,16 +308,17 @@ test("a report says what is lost, and about how many modules are how much like t
 test("each note is shown in one place", () => {
   const notes = [
     "The cells were read as voxels, not as a path, because some cells that follow each other are not neighbours.",
-    "Repaired: one cell was added.",
     "the rest",
   ];
-  assert.deepEqual(notesOf(opened("?repair=true"), report({ notes, as_voxels: true })), {
-    repaired: notes[1],
+  const repaired = "added the cell (1, 0, 2).";
+  assert.deepEqual(notesOf(opened("?repair=true"), report({ notes, repaired, as_voxels: true })), {
+    repaired: `Repaired: ${repaired}`,
     unordered: notes[0],
     others: ["The rest"],
   });
-  assert.deepEqual(notesOf(opened("?as_voxels=true"), report({ notes, as_voxels: true })), {
-    repaired: "",
+  const ordered = report({ notes, repaired, as_voxels: true });
+  assert.deepEqual(notesOf(opened("?as_voxels=true"), ordered), {
+    repaired: "", // as it was not requested
     unordered: "",
     others: [notes[0], "The rest"],
   });

@@ -23,7 +23,6 @@ const FAR = 10; // frames
 /**
  * @typedef {object} Plot
  * @property {PlotName} name
- * @property {string} label
  * @property {(value: number) => string} text
  * @property {(...values: number[]) => number} worst
  * @property {{ at: number, meaning: string }[]} [bounds] lines across it, lowest first
@@ -32,16 +31,15 @@ const FAR = 10; // frames
 
 /** @type {Plot[]} */
 const PLOTS = [
-  { name: "max_error_rad", label: "Largest joint error", text: radians, worst: Math.max },
+  { name: "max_error_rad", text: radians, worst: Math.max },
   {
     name: "min_clearance",
-    label: "Smallest clearance",
     text: pitches,
     worst: Math.min,
     suffix: "of the motion that you see; the verdict is about the planned motion",
   },
-  { name: "hinges_moving", label: "Hinges moving", text: integerText, worst: Math.max },
-  { name: "peak_torque_nm", label: "Largest torque", text: newtonMetres, worst: Math.max },
+  { name: "hinges_moving", text: integerText, worst: Math.max },
+  { name: "peak_torque_nm", text: newtonMetres, worst: Math.max },
 ];
 const TORQUES = ["table_torque", "peak_torque_nm"]; // a fold has one of them
 
@@ -60,7 +58,6 @@ function onTable(table) {
   return [
     {
       name: "table_torque",
-      label: "Largest torque on the table",
       text: (v) => `${wp(v)} (${newtonMetres(v * table.unit_nm)})`,
       worst: Math.max,
       bounds: bounds.flatMap(({ at, meaning }) =>
@@ -159,6 +156,8 @@ export class Plots {
    */
   constructor(panel, player, figures) {
     this.panel = panel;
+    /** @type {Record<PlotName, string>} */
+    this.labels = JSON.parse(panel.dataset.labels ?? "{}");
     this.player = player;
     this.figures = figures;
     /** @type {Made[]} */
@@ -189,7 +188,8 @@ export class Plots {
    * @param {Floats} values
    */
   plot(plot, values) {
-    const { label, text, worst, bounds = [] } = plot;
+    const { name, text, worst, bounds = [] } = plot;
+    const label = this.labels[name];
     const drawn = columns(values, worst);
     const finite = drawn.filter(Number.isFinite);
     if (!finite.length) return null;

@@ -411,15 +411,17 @@ export function reachOf({ maxModules }, { reach = [] }) {
  * @param {Preview} preview
  * @param {Api.Preview} report
  */
-export function notesOf({ onTable, options }, { notes, has_path: path, as_voxels: asVoxels }) {
-  const repair = notes.find((note) => note.startsWith("Repaired"));
+export function notesOf(
+  { onTable, options },
+  { notes, repaired: repair = "", has_path: path, as_voxels: asVoxels },
+) {
   const unordered = asVoxels && !options.as_voxels ? notes[0] : "";
   const doubled = path && onTable && options.method === "blocks";
-  const repaired = doubled ? "Each cell became 2×2×2 modules." : (options.repair && repair) || "";
+  const repaired = options.repair && repair ? `Repaired: ${repair}` : "";
   return {
-    repaired,
+    repaired: doubled ? "Each cell became 2×2×2 modules." : repaired,
     unordered,
-    others: notes.filter((note) => note !== repair && note !== unordered).map(sentence),
+    others: notes.filter((note) => note !== unordered).map(sentence),
   };
 }
 
