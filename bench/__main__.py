@@ -17,6 +17,7 @@ from bench.likeness import likeness, likeness_folds, likeness_tetrahedra, previe
 from bench.long_folds import long_folds
 from bench.machine import machine
 from bench.meshes import meshes
+from bench.mujoco_robot import mujoco_robot
 from bench.page_speed import page_speed
 from bench.paths import paths
 from bench.peeling import peeling
@@ -65,6 +66,7 @@ SECTIONS = {
     "speed": speed,
     "portfolio": portfolio,
     "refolds": refolds,
+    "mujoco-robot": mujoco_robot,
     "calm": calm,
     "hard": hard_paths,
     "sweeps": sweeps,

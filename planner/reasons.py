@@ -11,7 +11,9 @@ from typing import Any, Final, Literal, TypedDict, cast
 
 import msgspec
 
-MotionName = Literal["plan", "record", "playback", "simulated playback"]
+MotionName = Literal[
+    "plan", "record", "playback", "simulated playback", "simulated playback in MuJoCo"
+]
 
 
 class ReasonCode(StrEnum):

@@ -116,6 +116,7 @@ def further_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]
     return [
         *(_row(certificate, name) for name in CLEARANCES),
         (label_of("robots"), robots(certificate)),
+        (label_of("mujoco_robot"), robot_in_mujoco(certificate)),
         *margin_rows(certificate),
         *(_row(certificate, name) for name in MOTION_FIGURES),
         *_motion_rows(certificate),
@@ -371,6 +372,28 @@ def robots(certificate: CertificateFigures) -> str | None:
         f"{len(playbacks)} robot{'s' if len(playbacks) > 1 else ''} with random imperfections; "
         "the view shows the robot with the largest errors. "
         f"The smallest clearance is {rounded_down(min_clearance).replace('-', '−')} pitch"
+    )
+
+
+def robot_in_mujoco(certificate: CertificateFigures) -> str | None:
+    """Return which robot MuJoCo simulated, and how its joint errors compare with those of ours."""
+    in_mujoco = certificate.get("mujoco_robot")
+    if not in_mujoco:
+        return None
+    our_robots, number = certificate.get("robots") or [], in_mujoco["robot"]
+    name = f"robot {number + 1} of {len(our_robots)}" if our_robots else "the robot"
+    error, difference = (
+        quantity(in_mujoco[figure], "rad", CERTIFICATE_DIGITS)
+        for figure in ("max_angle_error_rad", "max_difference_rad")
+    )
+    ours = ""
+    if our_robots:
+        our_error = quantity(our_robots[number]["max_angle_error_rad"], "rad", CERTIFICATE_DIGITS)
+        ours = f" ({our_error} in our simulation)"
+    return (
+        f"MuJoCo simulated {name} again, with the same imperfections. "
+        f"Largest joint error: {error}{ours}. "
+        f"Largest difference between the joint angles of both simulations: {difference}"
     )
 
 

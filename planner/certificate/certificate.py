@@ -15,8 +15,18 @@ from typing import cast
 import numpy as np
 
 from foldback.planner.arrays import Array
-from foldback.planner.certificate.figures import CertificateFigures, RobotFigures, verdict_text
-from foldback.planner.certificate.plan_figures import largest_angle, plan_figures, robot_figures
+from foldback.planner.certificate.figures import (
+    CertificateFigures,
+    MujocoRobotFigures,
+    RobotFigures,
+    verdict_text,
+)
+from foldback.planner.certificate.plan_figures import (
+    largest_angle,
+    mujoco_figures,
+    plan_figures,
+    robot_figures,
+)
 from foldback.planner.certificate.swept_motions import Sweeper, followed
 from foldback.planner.certificate.table_certificate import table_certificate
 from foldback.planner.certificate.table_figures import TableCertificate
@@ -83,6 +93,7 @@ class Certificate:
     gravity_torque_folded_nm: float
     gravity_torque_straight_nm: float
     seconds: float
+    mujoco_robot: MujocoRobotFigures | None = None
     table: TableCertificate | None = None
     margins: Margins | None = None
 
@@ -106,6 +117,8 @@ class Certificate:
         judgement = {"verified": self.verified, "verdict": self.verdict}
         values = {**judgement, **asdict(self), "robots": robots, "reason": reason}
         del values["table"]
+        if self.mujoco_robot is None:
+            del values["mujoco_robot"]
         if self.table is not None:
             values["table"] = self.table.as_dict()
         return cast(CertificateFigures, values)
@@ -125,7 +138,7 @@ class Certificate:
             raise ValueError(
                 f"got unknown figures ({names}), expected only figures of a certificate"
             )
-        if missing := figures - {"table"} - values.keys():
+        if missing := figures - {"table", "mujoco_robot"} - values.keys():
             names = ", ".join(sorted(missing))
             raise ValueError(f"got a certificate without {names}, expected all of its figures")
         table = values.get("table")
@@ -183,6 +196,7 @@ def certify(
         sweeps = sweeper.sweep_all(record, playback, sink)
         figures = plan_figures(chain, playback, parameters)
         robots = robot_figures(chain, playback, sweeps)
+        in_mujoco = mujoco_figures(chain, playback, sweeps)
     if unusable is not None:
         reason = unusable
     elif sweeper.is_cancelled:
@@ -211,6 +225,7 @@ def certify(
         module_size=size,
         exempt_pairs=exempt.result(),
         robots=robots,
+        mujoco_robot=in_mujoco,
         max_angle_record_rad=None if record is None else largest_angle(record.frames),
         joint_speed_limit_rad_s=parameters.joint_speed_limit_rad_s,
         seconds=time.perf_counter() - began_s,
@@ -317,6 +332,13 @@ def _unusable_angles(playback: Playback, joints: int) -> Reason | None:
         return Reason.of(Code.NOT_FINITE, motion="plan")
     if others_rad is not None and (
         others_rad.shape[1:] != expected or not np.isfinite(others_rad).all()
+    ):
+        return Reason.of(Code.OTHER_ROBOTS)
+    mujoco_rad = playback.mujoco_rad
+    if mujoco_rad is not None and (
+        mujoco_rad.shape != expected
+        or not np.isfinite(mujoco_rad).all()
+        or playback.mujoco_robot not in range(playback.robots or 1)
     ):
         return Reason.of(Code.OTHER_ROBOTS)
     return None

@@ -76,6 +76,17 @@ class RobotFigures(TypedDict):
     clearance_bound: float
 
 
+class MujocoRobotFigures(RobotFigures):
+    """Figures of a robot that MuJoCo itself simulated, with the model errors of another one.
+
+    ``robot`` is the index of that one, and ``max_difference_rad`` the largest difference of an
+    angle between both at a frame.
+    """
+
+    robot: int
+    max_difference_rad: float
+
+
 class MarginFigures(TypedDict):
     """``planner.clearance.margins.Margin``."""
 
@@ -170,6 +181,15 @@ class CertificateFigures(TypedDict, total=False):
             "Simulated robots",
             help="Figures of each robot with model errors that folded the plan in simulation, the "
             "one shown first; null if there was none.",
+            source="simulation",
+        ),
+    ]
+    mujoco_robot: Annotated[
+        MujocoRobotFigures | None,
+        Figure(
+            "Robot in MuJoCo",
+            help="Figures of a simulated robot that MuJoCo itself simulated once more, with the "
+            "same model errors; missing if there is none.",
             source="simulation",
         ),
     ]

@@ -8,12 +8,13 @@ from typing import Any, Final
 import numpy as np
 
 from foldback.planner.arrays import Array
-from foldback.planner.certificate.figures import RobotFigures
+from foldback.planner.certificate.figures import MujocoRobotFigures, RobotFigures
 from foldback.planner.certificate.motion_figures import MotionFigures
 from foldback.planner.certificate.swept_motions import Sweeps, followed
 from foldback.planner.chain.cantilever_statics import GRAVITY_M_S2, static_torque
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.rotations import aligned_distances
+from foldback.planner.clearance.sweep import Sweep
 from foldback.planner.motion.motion import Motion
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.playback.playback import Playback
@@ -96,19 +97,40 @@ def robot_figures(
     """Return the figures of each robot; None if there are none with model errors."""
     if playback is None or playback.robots is None:
         return None
-    plan, figures = playback.reference, []
-    for motion, swept in zip(followed(playback)[1:], sweeps.of_robots, strict=False):
-        if swept is None:
-            continue
-        figures.append(
-            RobotFigures(
-                max_angle_error_rad=_largest_difference(motion, plan),
-                rms_position_error=rms(distances_from_shape(chain, motion.angles_at(chain, -1))),
-                min_clearance=swept.clearance,
-                clearance_bound=swept.bound,
-            )
-        )
-    return tuple(figures)
+    motions = followed(playback)[1 : 1 + playback.robots]
+    return tuple(
+        _figures_of(chain, playback, motion, swept)
+        for motion, swept in zip(motions, sweeps.of_robots, strict=False)
+        if swept is not None
+    )
+
+
+def mujoco_figures(
+    chain: Chain, playback: Playback | None, sweeps: Sweeps
+) -> MujocoRobotFigures | None:
+    """Return the figures of the robot in MuJoCo; None if there is none."""
+    if playback is None or not playback.simulated or playback.mujoco_robot is None:
+        return None
+    *robots, motion = followed(playback)[1:]
+    swept = sweeps.of_robots[-1]
+    if swept is None:
+        return None
+    twin = robots[playback.mujoco_robot]
+    return MujocoRobotFigures(
+        robot=playback.mujoco_robot,
+        max_difference_rad=_largest_difference(motion, twin),
+        **_figures_of(chain, playback, motion, swept),
+    )
+
+
+def _figures_of(chain: Chain, playback: Playback, motion: Motion, swept: Sweep) -> RobotFigures:
+    """Return the figures of the motion of a robot."""
+    return RobotFigures(
+        max_angle_error_rad=_largest_difference(motion, playback.reference),
+        rms_position_error=rms(distances_from_shape(chain, motion.angles_at(chain, -1))),
+        min_clearance=swept.clearance,
+        clearance_bound=swept.bound,
+    )
 
 
 def largest_angle(motion: Motion) -> float:
@@ -117,7 +139,7 @@ def largest_angle(motion: Motion) -> float:
 
 
 def _largest_difference(motion: Motion, plan: Motion) -> float:
-    """Return the largest difference of a robot's hinges from the plan at its frames, rad."""
+    """Return the largest difference of a robot's hinges from another motion's frames, rad."""
     return float(np.abs(motion.angles_rad - plan.angles_rad).max(initial=0.0))
 
 

@@ -19,7 +19,10 @@ from foldback.planner.progress import Cancelled, Progress, Report
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sweeps:
-    """Sweeps of a fold's motions; None of a motion that is not there, or not swept to its end."""
+    """Sweeps of a fold's motions; None of a motion that is not there, or not swept to its end.
+
+    The order of ``others`` is that of the function with this name.
+    """
 
     record: Sweep | None = None
     plan: Sweep | None = None
@@ -112,13 +115,14 @@ def followed(playback: Playback) -> tuple[Motion, ...]:
 
 
 def others(playback: Playback) -> tuple[Motion, ...]:
-    """Return the motion of each robot whose playback is not the one that is shown."""
-    other_angles = playback.others_rad
-    return (
-        ()
-        if other_angles is None
-        else tuple(playback.frames.with_angles(angles) for angles in other_angles)
-    )
+    """Return the motion of each robot whose playback is not the one that is shown.
+
+    That of a robot in MuJoCo is the last one.
+    """
+    other_angles = [] if playback.others_rad is None else list(playback.others_rad)
+    if playback.mujoco_rad is not None:
+        other_angles.append(playback.mujoco_rad)
+    return tuple(playback.frames.with_angles(angles) for angles in other_angles)
 
 
 def _place(swept: Sweep | None) -> Place | None:

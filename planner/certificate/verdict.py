@@ -49,8 +49,12 @@ def find_reason(
         return Reason.of(Code.NO_PLAYBACK)
     swept: list[tuple[ReasonValues, Sweep | None]] = [({"motion": "plan"}, sweeps.plan)]
     for number, of_playback in enumerate(sweeps.of_robots):
-        robot: ReasonValues = {"robot": number} if number else {}
-        swept.append(({"motion": "simulated playback", **robot}, of_playback))
+        motion: ReasonValues = {"motion": "simulated playback"}
+        if playback.mujoco_rad is not None and number == len(sweeps.of_robots) - 1:
+            motion = {"motion": "simulated playback in MuJoCo"}
+        elif number:
+            motion["robot"] = number
+        swept.append((motion, of_playback))
     for motion, sweep in swept:
         if sweep is not None and sweep.clearance < 0.0:
             return _overlap(motion, sweep, module_size)

@@ -10,10 +10,11 @@ from foldback.planner.parameters.playback import PlaybackParameters
 from foldback.planner.playback.reference_trajectory import ReferenceTrajectory
 from foldback.planner.playback.setpoints import Target
 from foldback.planner.simulation.mujoco_models import Material
+from foldback.planner.simulation.mujoco_robot import MujocoRobot
 from foldback.planner.simulation.mujoco_tree import RateMotors, Servos, Tree
-from foldback.planner.simulation.robot import Robot
+from foldback.planner.simulation.robot import Robot, RobotErrors
 
-Plant = Robot | Tree
+Plant = Robot | MujocoRobot | Tree
 """Chain that is simulated step by step, from ``begin_step`` to ``end_step``."""
 
 
@@ -25,6 +26,14 @@ def build_plant(
     The function is called after ``begin_step``; it sets torques or motor targets for the step.
     """
     p, step_s = trajectory.parameters, trajectory.step_s
+    if trajectory.by_mujoco:
+        errors = RobotErrors(
+            trajectory.chain, p.robot, peak_torque=trajectory.peak_torque, seed=seed
+        )
+        in_mujoco = MujocoRobot(
+            trajectory.chain, errors, geom_size=trajectory.module_size, step_s=step_s
+        )
+        return in_mujoco, lambda target: drive_in_mujoco(in_mujoco, target)
     if trajectory.contacts is not None:
         robot = Robot(
             trajectory.chain,
@@ -59,6 +68,12 @@ def drive_robot(robot: Robot, target: Target, step_s: float) -> None:
     assert target.torques is not None
     rates = target.rates + step_s * target.accelerations
     robot.follow(target.angles + step_s * rates, rates, target.torques)
+
+
+def drive_in_mujoco(robot: MujocoRobot, target: Target) -> None:
+    """Send a robot's servos on, in the coming step, through its parts."""
+    assert target.substeps is not None
+    robot.follow(target.substeps)
 
 
 def drive_by_computed_torque(tree: Tree, target: Target, p: PlaybackParameters) -> None:

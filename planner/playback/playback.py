@@ -59,6 +59,10 @@ class Playback:
             to the next, all hinges turn evenly. None if it does not rest.
         others_rad: (robots − 1, F, J) hinge angles of the others at the same frames, of windows
             (robots − 1, V); None if there are none.
+        mujoco_rad: (F, J) hinge angles, at the same frames, of a robot that MuJoCo itself
+            simulated; None if there is none.
+        mujoco_robot: Index of the robot with the same model errors, 0 for the one that is shown;
+            None if there is none.
     """
 
     status: PlaybackStatus
@@ -75,6 +79,8 @@ class Playback:
     torque_frames: int | None = None
     robots: int | None = None
     others_rad: Angles | None = None
+    mujoco_rad: Angles | None = None
+    mujoco_robot: int | None = None
     rest_frames: tuple[int, ...] | None = None
 
     @property
@@ -113,10 +119,16 @@ class Playback:
                 **{name: _stored(getattr(self, name)) for name in _SCALARS},
                 **packed,
                 **({} if self.others_rad is None else {"others_rad": self.others_rad}),
+                **self._mujoco_columns(),
                 **({} if self.rest_frames is None else {"rest_frames": self.rest_frames}),
                 **frames,
             },
         )
+
+    def _mujoco_columns(self) -> dict[str, Any]:
+        if self.mujoco_rad is None:
+            return {}
+        return {"mujoco_rad": self.mujoco_rad, "mujoco_robot": np.array(self.mujoco_robot)}
 
     @classmethod
     def load(cls, path: FilePath) -> Playback:
@@ -132,6 +144,10 @@ class Playback:
                 frames=Motion.from_columns(arrays),
                 reference_rad=reference,
                 others_rad=arrays.get("others_rad"),
+                mujoco_rad=arrays.get("mujoco_rad"),
+                mujoco_robot=(
+                    int(arrays["mujoco_robot"].item()) if "mujoco_robot" in arrays else None
+                ),
                 rest_frames=tuple(rests.tolist())
                 if (rests := arrays.get("rest_frames")) is not None
                 else None,
@@ -182,7 +198,8 @@ def play_back(
 
     A refold is one simulation: the chain begins folded otherwise, unfolds, and goes on from there.
     Each of several robots folds it once; the playback is that of the one with the largest error,
-    and the sink receives its frames when all have folded.
+    and the sink receives its frames when all have folded. The first one folds it once more in
+    MuJoCo itself, where that takes less than a second of the processor.
 
     Args:
         chain: The chain.
@@ -219,8 +236,11 @@ def play_back(
             chain, record, parameters, module_size, start_s, finer, unfolding, patience
         )
     streamed = not windowed and trajectory.robots == 1
-    runs = simulate_robots(trajectory, seed, sink if streamed else None, progress, cancelled)
-    failed = next((robot_run for robot_run in runs if robot_run.status != "folded"), None)
+    runs, by_mujoco = simulate_robots(
+        trajectory, seed, sink if streamed else None, progress, cancelled
+    )
+    all_runs = runs if by_mujoco is None else [*runs, by_mujoco]
+    failed = next((robot_run for robot_run in all_runs if robot_run.status != "folded"), None)
     run = failed or max(runs, key=lambda robot_run: robot_run.largest_error)
     other_angles = [
         robot_run.frames.stored_angles_rad for robot_run in runs if robot_run is not run
@@ -245,6 +265,8 @@ def play_back(
         rms_torque=float(np.sqrt(run.square_torque / max(1, run.steps))),
         robots=len(runs) if len(runs) > 1 else None,
         others_rad=np.array(other_angles) if other_angles and failed is None else None,
+        mujoco_rad=None if by_mujoco is None or failed else by_mujoco.frames.joint_angles_rad,
+        mujoco_robot=None if by_mujoco is None or failed else int(run is not runs[0]),
         rest_frames=rest_frames,
     )
 

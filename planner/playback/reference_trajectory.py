@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -17,6 +19,7 @@ from foldback.planner.parameters.playback import PlaybackParameters
 from foldback.planner.playback.kinematic_playback import root_folded
 from foldback.planner.playback.reference_curve import Reference, clear_reference, resting_reference
 from foldback.planner.playback.setpoints import (
+    SETTLE_STEPS,
     Backwards,
     DirectSetpoints,
     Setpoints,
@@ -25,6 +28,7 @@ from foldback.planner.playback.setpoints import (
     TimedSetpoints,
     timed_torques,
 )
+from foldback.planner.playback.substeps import DividedSetpoints, divided_steps
 from foldback.planner.playback.time_scaling import (
     MIN_PLAYBACK_STEPS,
     TimeScaling,
@@ -70,6 +74,10 @@ class ReferenceTrajectory:
         self.module_size = module_size
         self.start_s = start_s
         self.unfolding = unfolding
+        self.by_mujoco = False
+        """True if MuJoCo itself simulates the robots."""
+        self.curves: list[tuple[Phase, Reference, TimeScaling]] = []
+        """Curves in the order of the phases, each with its time scaling; none without a curve."""
         self.peak_torque = 0.0
         """Largest torque that a robot without model errors needs; 0 if it is not computed."""
         self.resting: frozenset[Phase] = frozenset()
@@ -96,6 +104,21 @@ class ReferenceTrajectory:
     def step_s(self) -> float:
         """Time step, s: a refined plan is simulated in as many more steps as it has frames."""
         return self.parameters.step_s / self.finer
+
+    def for_mujoco(self) -> tuple[ReferenceTrajectory, int]:
+        """Return this trajectory for robots in MuJoCo, and the number of MuJoCo's steps."""
+        robot = self.parameters.robot
+        limit = robot.motor_limit * self.peak_torque
+        damping = limit / robot.servo_give * robot.damping_s
+        twin, count = copy(self), 0
+        twin.by_mujoco, twin.parts = True, []
+        for phase, reference, scaling in self.curves:
+            steps = divided_steps(
+                reference, scaling, self.chain.module, limit=limit, damping=damping
+            )
+            twin.parts.append((phase, partial(DividedSetpoints, reference, scaling, steps)))
+            count += SETTLE_STEPS + sum(len(step.rates) for step in steps)
+        return twin, count
 
     def _all_parts(
         self, record: Record | None, unfolding: Unfolding | None
@@ -139,10 +162,10 @@ class ReferenceTrajectory:
             if reference.rests is not None
         )
         scalings = self._clear_scalings(references)
-        timed = [self._timed("playback", references[0], scalings[0])]
+        self.curves = [("playback", references[0], scalings[0])]
         if unfolding is not None:
-            timed.insert(0, self._timed("unfolding", references[1], scalings[1].backwards()))
-        return timed
+            self.curves.insert(0, ("unfolding", references[1], scalings[1].backwards()))
+        return [self._timed(*curve) for curve in self.curves]
 
     def _timed(
         self, phase: Phase, reference: Reference, scaling: TimeScaling

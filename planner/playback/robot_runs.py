@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from threading import Event, Lock
-from typing import TypeVar
+from typing import Final, TypeVar
 
 from foldback.planner.compilation.cpu_cores import cores
 from foldback.planner.motion.motion import Motion
@@ -15,6 +15,11 @@ from foldback.planner.playback.reference_trajectory import ReferenceTrajectory
 from foldback.planner.playback.window_run import WindowRun
 from foldback.planner.playback.window_trajectory import WindowTrajectory
 from foldback.planner.progress import Cancelled, Progress, Report
+from foldback.planner.simulation.mujoco_tree import ROOT_DOFS
+
+MAX_MUJOCO_S: Final = 1.0
+"""Maximum estimated time of the processor, s, that MuJoCo may take for its own simulation of a
+robot; a longer one is left out."""
 
 
 def simulate_robots(
@@ -23,19 +28,58 @@ def simulate_robots(
     sink: Callable[[Motion], None] | None,
     progress: Report,
     cancelled: Cancelled,
-) -> Sequence[Run | WindowRun]:
-    """Simulate all robots of a trajectory and return their runs."""
+) -> tuple[Sequence[Run | WindowRun], Run | None]:
+    """Simulate all robots of a trajectory, and the first one by MuJoCo, too.
+
+    Returns:
+        The runs of the robots, and the one by MuJoCo; None where that would take too long.
+    """
+    in_mujoco = mujoco_trajectory(trajectory)
 
     def simulate_one(number: int, report: Report, stopped: Cancelled) -> Run | WindowRun:
         if isinstance(trajectory, WindowTrajectory):
             run = WindowRun(trajectory, [seed, number])
             run.simulate(report, stopped)
+        elif in_mujoco is not None and number == trajectory.robots:
+            run = Run(in_mujoco, [seed, 0])
+            run.simulate(None, report, stopped)
         else:
             run = Run(trajectory, [seed, number])
             run.simulate(sink, report, stopped)
         return run
 
-    return _beside(trajectory.robots, simulate_one, progress, cancelled)
+    robots = trajectory.robots
+    runs = _beside(robots + (in_mujoco is not None), simulate_one, progress, cancelled)
+    by_mujoco = runs[robots] if len(runs) > robots else None
+    assert not isinstance(by_mujoco, WindowRun)
+    return runs[:robots], by_mujoco
+
+
+def mujoco_trajectory(
+    trajectory: ReferenceTrajectory | WindowTrajectory,
+) -> ReferenceTrajectory | None:
+    """Return the trajectory for a robot in MuJoCo; None without robots, or if it takes too long.
+
+    A window's rigid ends are no MuJoCo tree of a chain, so peeled chains have none.
+    """
+    if isinstance(trajectory, WindowTrajectory) or trajectory.contacts is None:
+        return None
+    steps = sum(len(scaling) for _, _, scaling in trajectory.curves)
+    hinges = len(trajectory.chain.folded_rad)
+    if mujoco_seconds(hinges, steps) > MAX_MUJOCO_S:
+        return None
+    divided, steps = trajectory.for_mujoco()
+    return divided if mujoco_seconds(hinges, steps) <= MAX_MUJOCO_S else None
+
+
+def mujoco_seconds(hinges: int, steps: int) -> float:
+    """Return the estimated time of the processor of a simulation by MuJoCo, s.
+
+    It is that of a processor which makes 1000 steps of a tree of 160 cubes in 0.26 s, and depends
+    on no clock: docs/decisions/0058-a-robot-by-mujoco.md.
+    """
+    dofs = hinges + ROOT_DOFS
+    return steps * (4e-5 + 2.5e-9 * dofs**2 + 1.1e-11 * dofs**3)
 
 
 R = TypeVar("R")

@@ -13,6 +13,7 @@ from foldback.planner.chain.floating_torques import floating_torques
 from foldback.planner.chain.module import Module
 from foldback.planner.playback.reference_curve import Reference
 from foldback.planner.playback.time_scaling import TimeScaling, smooth_scaling
+from foldback.planner.simulation.mujoco_robot import Substeps
 
 SETTLE_STEPS: Final = 15
 """Number of simulation steps for which the goal angles remain the target after the motion along the
@@ -34,6 +35,7 @@ class Target:
         gone_rad: Arc length of the reference up to there, rad, see ``record_lengths``; 0 without.
         torques: (J,) torques that a robot without model errors needs; None if not computed.
         rests: True at a rest between two turns.
+        substeps: Parts of the step for a robot in MuJoCo; None for others.
     """
 
     angles: Array
@@ -43,6 +45,7 @@ class Target:
     gone_rad: float = 0.0
     torques: Array | None = None
     rests: bool = False
+    substeps: Substeps | None = None
 
 
 class Setpoints(Protocol):

@@ -117,9 +117,10 @@ class Tree:
         self._hinge_of_dof = np.zeros(self.model.nv, dtype=np.int64)
         self._hinge_of_dof[self._at.dofs] = np.arange(len(self._at.dofs))
         self._rows = self._hinge_of_row = np.zeros(0, dtype=np.int64)
-        starts = [int(start) for start in self.model.M_rowadr[:ROOT_DOFS]]
         self._centre = np.zeros(3)
-        self._root_rows = [slice(start, start + r + 1) for r, start in enumerate(starts)]
+        rows, columns = np.indices((ROOT_DOFS, ROOT_DOFS))  # M holds the lower triangle by rows
+        starts = self.model.M_rowadr[np.maximum(rows, columns)]
+        self._root_block = (starts + np.minimum(rows, columns)).astype(np.int64)
 
     @property
     def angles(self) -> Array:
@@ -200,6 +201,11 @@ class Tree:
         """
         data = self.data
         data.qpos[:3] += self._centre - data.subtree_com[0]  # as of ``begin_step``
+        self._remove_momentum()
+
+    def _remove_momentum(self) -> None:
+        """Give the root the velocity of a chain without momentum, −M_rr⁻¹ M_rj q̇."""
+        data = self.data
         mujoco.mj_mulM(self.model, data, self._work, data.qvel)
         data.qvel[:ROOT_DOFS] -= np.linalg.solve(self._root_inertia(), self._work[:ROOT_DOFS])
 
@@ -281,10 +287,7 @@ class Tree:
 
     def _root_inertia(self) -> Array:
         """Return the root's (6, 6) block of the mass matrix: the whole chain as one rigid body."""
-        lower = np.zeros((ROOT_DOFS, ROOT_DOFS))
-        for r, row in enumerate(self._root_rows):
-            lower[r, : r + 1] = self.data.M[row]
-        return lower + np.tril(lower, -1).T
+        return self.data.M[self._root_block]
 
 
 def _add_servos(spec: Any, chain: Chain, servos: Servos) -> None:

@@ -68,6 +68,13 @@ class RobotErrors:
         self.offsets = self.encoder_rad * rng.uniform(-0.5, 0.5, hinges)
         self._noise_rad = parameters.encoder_noise
 
+    def measure(self, angles: Array) -> Array:
+        """Return what the encoders read of (J,) hinge angles, rad, less their offsets."""
+        noisy = angles + self._noise_rad * self._rng.standard_normal(len(angles))
+        if self.encoder_rad == 0.0:
+            return noisy
+        return np.rint((noisy + self.offsets) / self.encoder_rad) * self.encoder_rad - self.offsets
+
     def drive(
         self,
         hinges: slice,

@@ -9,6 +9,7 @@ import numpy as np
 
 from foldback.planner.certificate.certificate import Certificate
 from foldback.planner.certificate.figures import RobotFigures
+from foldback.planner.certificate.swept_motions import others
 from foldback.planner.clearance.exempt_pairs import Place
 from foldback.planner.clearance.sweep import clearance_at
 from foldback.planner.motion.motion import Motion
@@ -54,9 +55,10 @@ class ReportedFigures:
             notes.append(
                 "There is no record.npz, so the figures of the explosion were not compared."
             )
-        if (stated.get("robots") or [])[1:] and self.playback and self.playback.others_rad is None:
+        robots = len(stated.get("robots") or [None]) + ("mujoco_robot" in stated)
+        if self.playback and 1 + len(others(self.playback)) < robots:
             unchecked |= {"exempt_pairs", "max_angle_rad"}
-            loose = [n for n in loose if n not in ("in_betweens", "robots")]
+            loose = [n for n in loose if n not in ("in_betweens", "robots", "mujoco_robot")]
             notes.append(
                 "Only the figures of the robot with the largest joint error were compared, because "
                 "the playbacks of the other simulated robots are missing."
@@ -69,7 +71,8 @@ class ReportedFigures:
         )
         for name in loose:
             if not self._passes(name, recomputed):
-                addition = " and playback.npz others_rad" if name == "robots" else ""
+                arrays = {"robots": "others_rad", "mujoco_robot": "mujoco_rad"}
+                addition = f" and playback.npz {arrays[name]}" if name in arrays else ""
                 yield from value_differences(
                     stated.get(name), expected.get(name), f"plan.npz certificate.{name}{addition}"
                 )
@@ -95,6 +98,11 @@ class ReportedFigures:
             return stated <= min(clearances, default=0.0) and stated <= allowed
         if name == "robots":
             return _same_robots(stated, expected)
+        if name == "mujoco_robot":
+            exact = [(robot["robot"], robot["max_difference_rad"]) for robot in (stated, expected)]
+            return _same_robots((stated,), (expected,)) and np.allclose(
+                *exact, rtol=FIGURES_RTOL, atol=FIGURES_ATOL
+            )
         return stated == expected or self._as_near(name, stated)
 
     def _as_near(self, name: str, place: Place) -> bool:
@@ -165,6 +173,7 @@ def _same_robots(stated: tuple[RobotFigures, ...], recomputed: tuple[RobotFigure
 
 _ROUNDING_DEPENDENT_FIGURES: Final = (
     "robots",
+    "mujoco_robot",
     "in_betweens",
     "clearance_bound",
     "min_clearance_at",

@@ -104,9 +104,9 @@ def robots_differ(directory: FilePath, plan: Plan, playback: Playback) -> Differ
             rtol=0.05,
             atol=SAME_SIMULATION_RAD,
         )
-    for name in ("angles_rad", "others_rad"):
+    for name in ("angles_rad", "others_rad", "mujoco_rad"):
         of = [
-            result.frames.angles_rad if name == "angles_rad" else result.others_rad
+            result.frames.angles_rad if name == "angles_rad" else getattr(result, name)
             for result in (playback, repeated)
         ]
         if of[0] is None or of[1] is None:

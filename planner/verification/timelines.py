@@ -94,12 +94,12 @@ def results(plan: Plan, frames: Motion) -> tuple[Record | None, Playback | None]
 def with_other_robots(
     directory: FilePath, playback: Playback | None, notes: list[str]
 ) -> Playback | None:
-    """Return the playback with those of the other robots, which only ``playback.npz`` holds.
+    """Return the playback with those of other robots, which only ``playback.npz`` holds.
 
     Raises:
         InputError: ``not-a-playback``.
     """
-    if playback is None or playback.robots is None:
+    if playback is None or not playback.simulated:
         return playback
     try:
         stored = Workspace(directory).read_playback()
@@ -111,7 +111,12 @@ def with_other_robots(
             "error was checked."
         )
         return playback
-    return replace(playback, others_rad=stored.others_rad)
+    return replace(
+        playback,
+        others_rad=stored.others_rad,
+        mujoco_rad=stored.mujoco_rad,
+        mujoco_robot=stored.mujoco_robot,
+    )
 
 
 def kept_record(directory: FilePath, plan: Plan) -> Record | None:

@@ -1,0 +1,71 @@
+"""Robots in MuJoCo: their joint errors beside those of our simulation, and what they cost."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+import numpy as np
+
+from bench.machine import processor_seconds
+from bench.measured_tables import Section
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.playback.chain_run import Run
+from foldback.planner.playback.reference_trajectory import ReferenceTrajectory
+from foldback.planner.playback.robot_runs import mujoco_trajectory
+from foldback.planner.progress import never, silent
+from foldback.planner.readers.gallery import gallery
+
+SHAPES: Final = (
+    *("wrench-24", "box-4x4x4", "cross-3d", "snake", "wrench-160", "duck", "tetra-wrench"),
+)
+"""Shapes of the gallery whose robots are simulated by both engines."""
+
+
+def mujoco_robot(reference_seconds: float) -> Section:
+    """Fold shapes of the gallery, and simulate their first robot by both engines."""
+    section = Section(name="mujoco-robot")
+    section.rows = [
+        _row(shape.name, shape.data, reference_seconds)
+        for shape in gallery()
+        if shape.name in SHAPES
+    ]
+    return section
+
+
+def _row(name: str, data: bytes, reference_seconds: float) -> dict[str, Any]:
+    with TemporaryDirectory() as directory:
+        place = FilePath(directory)
+        workspace = Workspace(place)
+        workspace.write_request(FoldRequest(), data)
+        run_stages(place)
+        chain, record = workspace.read_chain(), workspace.read_record()
+        parameters = workspace.read_job().parameters(record)
+    trajectory = ReferenceTrajectory(
+        chain, record, parameters.playback, parameters.module_size, 0.0, 1, None
+    )
+    runs, seconds = list[Run](), list[float]()
+    for in_mujoco in (False, True):
+        began_s = processor_seconds()
+        path = mujoco_trajectory(trajectory) if in_mujoco else trajectory
+        if path is None:
+            return {"shape": name, "modules": len(chain), "MuJoCo": "takes too long"}
+        run = Run(path, [0, 0])
+        run.simulate(None, silent, never)
+        runs.append(run)
+        seconds.append(processor_seconds() - began_s)
+    ours, in_mujoco = runs
+    difference = ours.frames.joint_angles_rad - in_mujoco.frames.joint_angles_rad
+    return {
+        "shape": name,
+        "modules": len(chain),
+        "steps": ours.steps,
+        "ours, × reference": seconds[0] / reference_seconds,
+        "MuJoCo, × reference": seconds[1] / reference_seconds,
+        "error of ours, mrad": 1e3 * ours.largest_error,
+        "error in MuJoCo, mrad": 1e3 * in_mujoco.largest_error,
+        "difference, mrad": 1e3 * float(np.abs(difference).max()),
+    }

@@ -1,0 +1,145 @@
+"""MuJoCo robot: a robot with model errors that MuJoCo itself simulates.
+
+The chain is one tree. Its servos are position actuators, their torque limit is the range of the
+actuator force of a joint, and masses are those of the bodies. Integrator (``implicitfast``), solver
+and collision are MuJoCo's. Encoders, and the law of dry friction, act on the actuators' targets and
+on the joints' damping, which are set anew in each step: docs/decisions/0058-a-robot-by-mujoco.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import SimulationError
+from foldback.planner.simulation.lazy_mujoco import mujoco
+from foldback.planner.simulation.mujoco_models import Material
+from foldback.planner.simulation.mujoco_tree import Servos, Tree
+from foldback.planner.simulation.robot import RobotErrors
+
+FRICTION_SPEED_RAD_S: Final = 2e-3
+"""Joint speed v₀, rad/s, in the law of dry friction, torque ∝ tanh(speed / v₀): that of all
+robots."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Substeps:
+    """Targets of m equal parts of one step.
+
+    Attributes:
+        step_s: Time step of a part, s.
+        angles: (m, J) hinge angles at the beginning of each part, rad.
+        rates: (m, J) their rates in each part, rad/s.
+        torques: (m, J) torques that a robot without model errors needs in each.
+    """
+
+    step_s: float
+    angles: Array
+    rates: Array
+    torques: Array
+
+    @classmethod
+    def still(cls, angles: Array, step_s: float) -> Substeps:
+        """Return one part in which (J,) angles are held."""
+        zero = np.zeros((1, len(angles)))
+        return cls(step_s=step_s, angles=angles[None], rates=zero, torques=zero)
+
+
+class MujocoRobot(Tree):
+    """Robot of which MuJoCo simulates all hinges.
+
+    Args:
+        chain: The chain.
+        errors: Model errors of the robot.
+        geom_size: Size of the colliding modules as a fraction of the pitch.
+        step_s: Time step, s.
+    """
+
+    def __init__(
+        self, chain: Chain, errors: RobotErrors, *, geom_size: float, step_s: float
+    ) -> None:
+        contact_time_constant = 2.0 * step_s  # the hardest contacts that MuJoCo permits
+        super().__init__(
+            chain,
+            Material(geom_size=geom_size, contact_time_constant=contact_time_constant),
+            step_s=step_s,
+            motors=Servos(stiffness=errors.stiffness, damping=errors.damping),
+        )
+        self.errors = errors
+        model, at = self.model, self._at
+        model.body_mass[at.bodies] = errors.masses
+        model.body_inertia[at.bodies] *= errors.masses[:, None]
+        # Where a force meets the range of its actuator, MuJoCo's integrator leaves out the damping
+        # of that actuator, and a hinge with a stiff servo diverges. The range of a joint's
+        # actuator force limits the same torque and keeps the damping.
+        model.jnt_actfrclimited[at.joints] = True
+        model.jnt_actfrcrange[at.joints] = (-errors.limit, errors.limit)
+        mujoco.mj_setConst(model, self.data)
+        self._substeps = Substeps.still(np.zeros(len(at.dofs)), step_s)
+        self._torques = np.zeros(len(at.dofs))
+
+    @property
+    def centres(self) -> Array:
+        """(n, 3) centres of the modules relative to their mean, pitches."""
+        mujoco.mj_kinematics(self.model, self.data)
+        return super().centres
+
+    @property
+    def motor_torques(self) -> Array:
+        """(J,) torques of the motors in the last step, their damping at its end."""
+        return self._torques
+
+    def begin_step(self) -> None:
+        """Do nothing: the whole step is made at its end."""
+
+    def follow(self, substeps: Substeps) -> None:
+        """Set the targets of the coming step."""
+        self._substeps = substeps
+
+    def end_step(self) -> None:
+        """Make one step, in as many steps of MuJoCo as it has parts.
+
+        Raises:
+            SimulationError: MuJoCo warns of bad numbers.
+        """
+        parts = self._substeps
+        self.model.opt.timestep = parts.step_s
+        for target in zip(parts.angles, parts.rates, parts.torques, strict=True):
+            self._step(*target)
+
+    def _step(self, angles: Array, rates: Array, torques: Array) -> None:
+        """Make one step of MuJoCo.
+
+        Args:
+            angles: (J,) targets at the beginning of the step, where MuJoCo evaluates kp, rad.
+            rates: (J,) targets at its end, where MuJoCo evaluates kv, rad/s.
+            torques: (J,) torques that a robot without model errors needs.
+        """
+        errors, present, present_rates = self.errors, self.angles, self.rates
+        compensation = errors.expected_friction * np.tanh(rates / FRICTION_SPEED_RAD_S)
+        # MuJoCo's force is kp (ctrl − q) − kv q̇: all other terms of a servo are in its target.
+        self.set_servo_targets(
+            angles
+            + (present - errors.measure(present))
+            + (errors.damping * rates + torques + compensation) / errors.stiffness
+        )
+        speeds = np.maximum(np.abs(present_rates), np.abs(rates))
+        self.model.dof_damping[self._at.dofs] = (
+            errors.friction * np.tanh(speeds / FRICTION_SPEED_RAD_S) / np.maximum(speeds, 1e-12)
+        )
+        mujoco.mj_fwdPosition(self.model, self.data)
+        self._remove_momentum()  # which steps have added
+        mujoco.mj_fwdVelocity(self.model, self.data)
+        super().end_step()
+        if not np.isfinite(self.data.qpos).all():
+            raise SimulationError("the simulated state became infinite or undefined.")
+        forces = self.data.qfrc_actuator[self._at.dofs]
+        self._torques = forces - errors.damping * (self.rates - present_rates)
+
+    def stop_drifting(self) -> None:
+        """Hold the centre of mass, which a chain that began at rest cannot move."""
+        self.data.qpos[:3] += self._centre - self.data.subtree_com[0]  # as of the step's beginning
