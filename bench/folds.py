@@ -133,7 +133,7 @@ def _wrench(section: Section, runs: list[Run], reference_seconds: float) -> None
         "≤ 5000",
         steps <= 5000,
     )
-    section.add("160 wrench: peak memory of the job", f"{peak:.0f} MB", "< 400 MB", peak < 400)
+    section.add("160 wrench: peak memory", f"{peak:.0f} MB", "< 400 MB", peak < 400)
 
 
 def gallery(reference_seconds: float) -> Section:

@@ -24,7 +24,7 @@ from foldback.planner.path_fit.fill_fitted import fill_fitted
 from foldback.planner.path_fit.fill_trail import fill_with_trail
 from foldback.planner.path_fit.fit import fit_path
 from foldback.planner.pathfinding.path_options import PathOptions
-from foldback.planner.pipeline.prepare import prepare_found
+from foldback.planner.pipeline.prepare import prepare_subject
 from foldback.planner.shapes.lattice_fits import Ladder
 from foldback.planner.shapes.orientations import candidates
 from foldback.planner.shapes.solid import Solid
@@ -87,7 +87,7 @@ def likeness(reference_seconds: float) -> Section:
 def _wall_row(name: str) -> dict[str, Any]:
     mesh = WALLS[name]()
     solid = Solid.from_triangles(mesh.vertices, mesh.faces, name=name)
-    preparation = prepare_found(solid, PathOptions(modules=MODULES))
+    preparation = prepare_subject(solid, PathOptions(modules=MODULES))
     assert preparation.likeness is not None
     return {
         "mesh": name,
@@ -103,7 +103,7 @@ def _meets_exactly(name: str) -> bool:
     """Return True if a mesh has a path of exactly ``EXACT_MODULES`` modules."""
     options = PathOptions(modules=EXACT_MODULES, method="exact")
     try:
-        return len(prepare_found(_solid(name), options).chain) == EXACT_MODULES
+        return len(prepare_subject(_solid(name), options).chain) == EXACT_MODULES
     except InputError:
         return False
 
@@ -123,7 +123,7 @@ def likeness_tetrahedra(reference_seconds: float) -> Section:
         for method in ("fitted", "blocks"):
             options = PathOptions(modules=MODULES, module=TETRAHEDRON.name, method=method)
             start_s = time.process_time()
-            preparation = prepare_found(_solid(name), options)
+            preparation = prepare_subject(_solid(name), options)
             seconds = time.process_time() - start_s
             assert preparation.likeness is not None
             row |= {
@@ -165,7 +165,7 @@ def previews(reference_seconds: float) -> Section:
 def _preview_s(solid: Solid, *, quick: bool) -> float:
     """Return the processor time of a preview, in seconds; a final one goes on from a first one."""
     start_s = time.process_time()
-    prepare_found(solid, PathOptions(modules=MODULES), offering=True, quick=quick).report()
+    prepare_subject(solid, PathOptions(modules=MODULES), offering=True, quick=quick).report()
     return time.process_time() - start_s
 
 
@@ -177,7 +177,7 @@ def _solid(name: str) -> Solid:
 def _row(name: str, modules: int, reference_seconds: float) -> dict[str, Any]:
     solid = _solid(name)
     own_iou, blocks = (
-        prepare_found(solid, PathOptions(modules=modules, method=method))
+        prepare_subject(solid, PathOptions(modules=modules, method=method))
         for method in ("auto", "blocks")
     )
     start_s = time.process_time()

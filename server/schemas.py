@@ -290,7 +290,7 @@ class KeyReplaced(Body):
     """Number of items moved."""
 
 
-class FoldsMade(Body):
+class OwnedFolds(Body):
     """Folds of one owner, newest first."""
 
     folds: list[Fold]
@@ -300,7 +300,7 @@ class FoldsMade(Body):
     """Total number of items."""
 
 
-class PreviewMade(Body):
+class OwnedPreview(Body):
     """A shape that was uploaded and previewed."""
 
     id: str
@@ -314,10 +314,10 @@ class PreviewMade(Body):
     drawing: str
 
 
-class PreviewsMade(Body):
+class OwnedPreviews(Body):
     """Previews, the last viewed one first."""
 
-    previews: list[PreviewMade]
+    previews: list[OwnedPreview]
 
 
 class Shape(Body):

@@ -66,11 +66,6 @@ declare namespace Api {
   interface Folds {
     folds: Fold[];
   }
-  interface FoldsMade {
-    folds: Fold[];
-    next: string | null;
-    total: number;
-  }
   interface FramesBody {
     status: string;
     total: number;
@@ -134,13 +129,31 @@ declare namespace Api {
     file: string;
     fold: string;
   }
-  interface MovieMade {
+  interface OwnedFolds {
+    folds: Fold[];
+    next: string | null;
+    total: number;
+  }
+  interface OwnedMovie {
     title: string;
     created_at: string;
     movie: MovieBody;
   }
-  interface MoviesMade {
-    movies: MovieMade[];
+  interface OwnedMovies {
+    movies: OwnedMovie[];
+  }
+  interface OwnedPreview {
+    id: string;
+    title: string;
+    module: string;
+    modules: number;
+    created_at: string;
+    expires_at: string;
+    page: string;
+    drawing: string;
+  }
+  interface OwnedPreviews {
+    previews: OwnedPreview[];
   }
   interface PlacedMesh {
     vertices: number[][];
@@ -192,19 +205,6 @@ declare namespace Api {
   interface PreviewLinks {
     page: string;
     folds: string;
-  }
-  interface PreviewMade {
-    id: string;
-    title: string;
-    module: string;
-    modules: number;
-    created_at: string;
-    expires_at: string;
-    page: string;
-    drawing: string;
-  }
-  interface PreviewsMade {
-    previews: PreviewMade[];
   }
   interface Progress {
     status: "queued" | "running" | "verified" | "failed" | "cancelled";

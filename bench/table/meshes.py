@@ -21,7 +21,7 @@ from bench.meshes import MESHES, Mesh, box, joined, revolved
 from bench.sections import Section
 from foldback.planner.errors import InputError
 from foldback.planner.pathfinding.path_options import PathOptions
-from foldback.planner.pipeline.prepare import prepare_found
+from foldback.planner.pipeline.prepare import prepare_subject
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.workspace import Workspace
@@ -97,7 +97,7 @@ def _path_row(name: str, modules: int) -> dict[str, Any]:
     mesh = FORMS[name]()
     solid = Solid.from_triangles(mesh.vertices, mesh.faces, name=name)
     cpu = time.process_time()
-    preparation = prepare_found(solid, PathOptions(modules=modules, world="table"))
+    preparation = prepare_subject(solid, PathOptions(modules=modules, world="table"))
     cpu = time.process_time() - cpu
     if preparation.method == "fitted" and rule_violations(preparation.cells):
         raise AssertionError(f"the path of {name} breaks rules")

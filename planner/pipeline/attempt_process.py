@@ -17,7 +17,7 @@ from foldback.planner.pipeline.attempt_pool import (
     PROGRESS_FILE,
 )
 from foldback.planner.pipeline.exploding import explode
-from foldback.planner.pipeline.job import Watch
+from foldback.planner.pipeline.search import Watch
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.storage.file_names import RECORD, TIMELINE
 from foldback.planner.storage.files import write_json

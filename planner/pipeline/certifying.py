@@ -7,10 +7,10 @@ from functools import partial
 from typing import Any
 
 from foldback.planner.certificate.certificate import certify
-from foldback.planner.pipeline.job import Job, Search, Watch
+from foldback.planner.pipeline.search import FoldSpec, Search, Watch
 
 
-def with_certificate(job: Job, search: Search, watch: Watch) -> Search:
+def with_certificate(fold_spec: FoldSpec, search: Search, watch: Watch) -> Search:
     """Return the search with the certificate of its current playback, and the curves beside it."""
     result, curves = search.current, dict[str, Any]()
     playback = result.playback
@@ -19,8 +19,8 @@ def with_certificate(job: Job, search: Search, watch: Watch) -> Search:
         result.chain,
         result.record,
         playback,
-        job.parameters(result.record),
-        start=job.start,
+        fold_spec.parameters(result.record),
+        start=fold_spec.start,
         progress=watch.progress,
         cancelled=watch.cancelled,
         sink=partial(curves.__setitem__, "clearances") if peeled else None,

@@ -11,32 +11,32 @@ from foldback.planner.motion.timeline import TimelineWriter
 from foldback.planner.parameters.parameters import AUTO, Parameters
 from foldback.planner.pipeline.attempt import Attempt, AttemptSpec
 from foldback.planner.pipeline.attempt_pool import AttemptPool
-from foldback.planner.pipeline.job import Job, Result, Search, Watch
 from foldback.planner.pipeline.preference import CALM
+from foldback.planner.pipeline.search import FoldSpec, Result, Search, Watch
 from foldback.planner.plan.plan import Plan
 from foldback.planner.progress import Progress
 from foldback.planner.robot.smoothed_plan import smoothed_record
 
 
 def with_explosion(
-    job: Job, search: Search, spec: AttemptSpec, watch: Watch, pool: AttemptPool
+    fold_spec: FoldSpec, search: Search, spec: AttemptSpec, watch: Watch, pool: AttemptPool
 ) -> Search:
     """Return the search after one more explosion or smoothing."""
-    number, chain = len(search.history), job.candidates.chain_of(spec)
-    parameters = job.parameters()
+    number, chain = len(search.history), fold_spec.candidates.chain_of(spec)
+    parameters = fold_spec.parameters()
     record, recorded = None, None
-    smooths = spec.smooths is not None or job.request.smooth
+    smooths = spec.smooths is not None or fold_spec.request.smooth
     if watch.timeline is not None and (smooths or parameters.explosion is None):
         TimelineWriter.create(watch.timeline, chain)  # an explosion begins its own
     if smooths:
         if spec.smooths is not None:
-            recorded = search.results[spec.smooths].plan(job.request)
-        source = recorded or job.recorded
+            recorded = search.results[spec.smooths].plan(fold_spec.request)
+        source = recorded or fold_spec.recorded
         assert source is not None
-        calm = job.request.prefer == CALM
+        calm = fold_spec.request.prefer == CALM
         record = smooth(source, spec, parameters, watch, calm=calm)
     elif parameters.explosion is not None:
-        pool.schedule(job.policy, search.history, spec)
+        pool.schedule(fold_spec.policy, search.history, spec)
         record = pool.collect(watch.timeline, watch.progress, watch.cancelled)
         if record is None:
             watch = replace(watch, progress=pool.with_speculation(watch.progress))

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from foldback.planner.chain.chain import Chain
 from foldback.planner.pipeline.attempt import Attempt, Candidates
-from foldback.planner.pipeline.job import Result, is_smoothing
 from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.search import Result, is_smoothing
 from foldback.planner.plan.plan import Plan
 from foldback.planner.robot.smoothed_plan import before_and_after
 

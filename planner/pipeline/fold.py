@@ -18,12 +18,12 @@ from foldback.planner.pipeline.attempt_pool import AttemptPool
 from foldback.planner.pipeline.driver import Store, run_steps
 from foldback.planner.pipeline.exporting import finish
 from foldback.planner.pipeline.fold_layout import replacing_fold
-from foldback.planner.pipeline.job import Job, Search, Watch
 from foldback.planner.pipeline.next_step import with_choice
 from foldback.planner.pipeline.preference import COMPUTING, Preference
 from foldback.planner.pipeline.reading import read_plan, read_shape
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.retry_policy import RetryPolicy
+from foldback.planner.pipeline.search import FoldSpec, Search, Watch
 from foldback.planner.pipeline.stages import read_chains, run_stages
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
@@ -199,7 +199,7 @@ def _plan_of(
             return workspace.read_plan()
     begins = None if start is None else start.chain
     reading = read_shape(request, shape, start=begins) if recorded is None else read_plan(recorded)
-    job = Job(
+    fold_spec = FoldSpec(
         request=request,
         candidates=reading.candidates,
         policy=RetryPolicy.of(request, reading.candidates),
@@ -208,24 +208,24 @@ def _plan_of(
         recorded=recorded,
     )
     with _pool(request, reading.candidates, workers) as pool:
-        search = run_steps(job, Search(), Store(), watch, pool)
-    return _best_plan(job, search)
+        search = run_steps(fold_spec, Search(), Store(), watch, pool)
+    return _best_plan(fold_spec, search)
 
 
-def _best_plan(job: Job, search: Search) -> Plan:
+def _best_plan(fold_spec: FoldSpec, search: Search) -> Plan:
     """Return the plan of the best attempt, as it is read from a file."""
-    prefer, history = job.request.prefer, search.history
+    prefer, history = fold_spec.request.prefer, search.history
     best = max(search.results, key=lambda number: search.rank(number, prefer))
     if prefer != COMPUTING:
         history = with_choice(history, best)
     result = search.results[best]
     plan = finish(
-        job.request,
+        fold_spec.request,
         result,
         history,
-        candidates=job.candidates,
-        start=job.start,
-        recorded=result.recorded or job.recorded,
+        candidates=fold_spec.candidates,
+        start=fold_spec.start,
+        recorded=result.recorded or fold_spec.recorded,
     )
     return plan.as_stored().with_joint_errors_of(result.playback)
 

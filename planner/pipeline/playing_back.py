@@ -16,7 +16,7 @@ from foldback.planner.motion.record import Record
 from foldback.planner.motion.timeline import TimelineWriter
 from foldback.planner.parameters.explosion import TableParameters
 from foldback.planner.parameters.parameters import Parameters
-from foldback.planner.pipeline.job import Job, Search, Watch, is_smoothing
+from foldback.planner.pipeline.search import FoldSpec, Search, Watch, is_smoothing
 from foldback.planner.playback.playback import Playback
 from foldback.planner.playback.playback import play_back as simulate_playback
 from foldback.planner.playback.table_playback import play_on_table
@@ -32,11 +32,13 @@ MIN_SIZING_TORQUE_WP: Final = 1.0
 Sink = Callable[[Motion], None]
 
 
-def with_playback(job: Job, search: Search, watch: Watch, *, finer: int, patience: int) -> Search:
+def with_playback(
+    fold_spec: FoldSpec, search: Search, watch: Watch, *, finer: int, patience: int
+) -> Search:
     """Return the search after a playback of its current record.
 
     Args:
-        job: Job of the fold.
+        fold_spec: Request, candidates and limits of the fold.
         search: Attempts so far.
         watch: Channels to the observer.
         finer: Factor on the number of frames.
@@ -46,12 +48,12 @@ def with_playback(job: Job, search: Search, watch: Watch, *, finer: int, patienc
     playback = play_back(
         result.chain,
         result.record,
-        job.parameters(result.record),
+        fold_spec.parameters(result.record),
         watch,
-        seed=job.request.seed,
+        seed=fold_spec.request.seed,
         finer=finer,
         patience=patience,
-        unfolding=job.unfolding,
+        unfolding=fold_spec.unfolding,
     )
     result = replace(result, playback=playback, certificate=None)
     return search.with_current(result, replace(search.history[search.latest], played=True))

@@ -315,22 +315,22 @@ def _listed(vertices: Array, faces: Ints) -> dict[str, Any]:
     return {"vertices": rows.tolist(), "faces": faces.tolist()}
 
 
-Found: TypeAlias = "Path | Chain | Shape | Solid"
-"""What is in a file."""
+Subject: TypeAlias = "Path | Chain | Shape | Solid"
+"""What is in a file, and is folded."""
 
 
 def prepare(
-    given: bytes | Found,
+    source: bytes | Subject,
     filename: str | None,
     options: PathOptions | None = None,
     *,
     seed: int = 0,
     time_limit_s: float = PATH_SEARCH_LIMIT_S,
 ) -> Preparation:
-    """Read a file and find the chains that may fold into what is in it; see ``prepare_found``.
+    """Read a file and find the chains that may fold into what is in it; see ``prepare_subject``.
 
     Args:
-        given: The whole file, or what would be read from it.
+        source: The whole file, or what would be read from it.
         filename: Name of the file.
         options: Options that turn a shape into a path.
         seed: Random seed.
@@ -341,13 +341,13 @@ def prepare(
     """
     options = PathOptions() if options is None else options
     options.check()
-    if isinstance(given, bytes):
-        given = read(given, filename=filename, as_voxels=options.as_voxels)
-    return prepare_found(given, options, seed=seed, time_limit_s=time_limit_s)
+    if isinstance(source, bytes):
+        source = read(source, filename=filename, as_voxels=options.as_voxels)
+    return prepare_subject(source, options, seed=seed, time_limit_s=time_limit_s)
 
 
-def prepare_found(
-    shape: Found,
+def prepare_subject(
+    shape: Subject,
     options: PathOptions,
     *,
     seed: int = 0,
@@ -445,7 +445,7 @@ def _rounded_up(count: int) -> int:
 
 def read_in_any_order(
     data: bytes, filename: str | None, options: PathOptions
-) -> tuple[Found, PathOptions, tuple[str, ...]]:
+) -> tuple[Subject, PathOptions, tuple[str, ...]]:
     """Read a file; take a list of cells that is no path for a shape.
 
     Returns:
@@ -471,7 +471,7 @@ def read_in_any_order(
 def prepare_in_any_order(
     data: bytes, filename: str | None, options: PathOptions, *, seed: int = 0
 ) -> Preparation:
-    """Read a file with ``read_in_any_order`` and run ``prepare_found``.
+    """Read a file with ``read_in_any_order`` and run ``prepare_subject``.
 
     For meshes, the numbers of modules that reach a likeness are estimated.
 
@@ -479,7 +479,7 @@ def prepare_in_any_order(
         InputError: See both.
     """
     shape, options, notes = read_in_any_order(data, filename, options)
-    preparation = prepare_found(shape, options, seed=seed, offering=True)
+    preparation = prepare_subject(shape, options, seed=seed, offering=True)
     return replace(preparation, notes=(*notes, *preparation.notes))
 
 

@@ -22,7 +22,6 @@ from foldback.planner.pipeline.attempt import Attempt
 from foldback.planner.pipeline.attempt_pool import AttemptPool
 from foldback.planner.pipeline.driver import Store, run_steps
 from foldback.planner.pipeline.exporting import finish
-from foldback.planner.pipeline.job import Job, Search, Watch, is_smoothing
 from foldback.planner.pipeline.next_step import (
     Certify,
     Explode,
@@ -35,6 +34,7 @@ from foldback.planner.pipeline.next_step import (
 )
 from foldback.planner.pipeline.preference import COMPUTING
 from foldback.planner.pipeline.reading import Reading, read_plan, read_shape
+from foldback.planner.pipeline.search import FoldSpec, Search, Watch, is_smoothing
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.progress import STAGES, Cancelled, Progress, Report, never, silent
@@ -186,12 +186,12 @@ class InDirectory(Store):
     workspace: Workspace
 
     def begin(
-        self, job: Job, search: Search, step: Step, history: Sequence[Attempt]
+        self, fold_spec: FoldSpec, search: Search, step: Step, history: Sequence[Attempt]
     ) -> tuple[Search, FilePath | None]:
         """Remove the files that the step writes; load the plan that it smooths."""
         workspace = self.workspace
         if isinstance(step, Explode):
-            place = workspace.begin(len(search.history), job.candidates.chain_of(step.spec))
+            place = workspace.begin(len(search.history), fold_spec.candidates.chain_of(step.spec))
             workspace.write_history(history)
             if (smooths := step.spec.smooths) is not None:
                 smoothed = workspace.attempt_of(smooths).read_result()
@@ -227,14 +227,14 @@ def explode_until_straight(workspace: Workspace, watch: Watch, pool: AttemptPool
     Returns:
         Figures of the explosion that came farthest, and the number of attempts so far.
     """
-    job = workspace.read_job()
-    if job.request.smooth:
-        job = replace(job, recorded=workspace.read_recorded())
-    search = Search(history=before_explosion(workspace.read_history(), job.policy))
+    fold_spec = workspace.read_fold_spec()
+    if fold_spec.request.smooth:
+        fold_spec = replace(fold_spec, recorded=workspace.read_recorded())
+    search = Search(history=before_explosion(workspace.read_history(), fold_spec.policy))
     if not search.history:  # what an earlier fold left here must not pass for a result of this one
         workspace.clear()
     workspace.drop_pictures()
-    search = run_steps(job, search, InDirectory(workspace), watch, pool, only=Explode)
+    search = run_steps(fold_spec, search, InDirectory(workspace), watch, pool, only=Explode)
     record = search.current.record
     if record is None:
         return dict(NO_EXPLOSION)
@@ -243,11 +243,11 @@ def explode_until_straight(workspace: Workspace, watch: Watch, pool: AttemptPool
 
 def play_back_latest(workspace: Workspace, watch: Watch, pool: AttemptPool) -> dict[str, Any]:
     """Run the stage ``play_back``: play the latest record back, if it ends straight."""
-    job = workspace.read_job()
-    job = replace(job, unfolding=workspace.read_unfolding(job.request))
-    search = workspace.read_search(job)
-    search = replace(search, history=before_playback(search.history, job.policy))
-    search = run_steps(job, search, InDirectory(workspace), watch, pool, only=PlayBack)
+    fold_spec = workspace.read_fold_spec()
+    fold_spec = replace(fold_spec, unfolding=workspace.read_unfolding(fold_spec.request))
+    search = workspace.read_search(fold_spec)
+    search = replace(search, history=before_playback(search.history, fold_spec.policy))
+    search = run_steps(fold_spec, search, InDirectory(workspace), watch, pool, only=PlayBack)
     playback = search.current.playback
     return dict(NOT_PLAYED) if playback is None else playback.summary()
 
@@ -259,19 +259,19 @@ def certify_latest(workspace: Workspace, watch: Watch, pool: AttemptPool) -> dic
         Certificate of the best attempt when nothing else is tried, else of the latest one; as
         ``again`` the stage that tries again, None when nothing else is tried.
     """
-    job = workspace.read_job()
-    search = workspace.read_search(job)
+    fold_spec = workspace.read_fold_spec()
+    search = workspace.read_search(fold_spec)
     played = replace(search.history[search.latest].unjudged(), played=True)
     search = search.with_current(search.current, played)
-    search = run_steps(job, search, InDirectory(workspace), watch, pool, only=Certify)
+    search = run_steps(fold_spec, search, InDirectory(workspace), watch, pool, only=Certify)
     certificate = search.current.certificate
     assert certificate is not None
     following_stage = None
     if not watch.cancelled():
-        step = next_step(search.history, job.policy)
+        step = next_step(search.history, fold_spec.policy)
         following_stage = step and ("explode" if isinstance(step, Explode) else "play_back")
         if step is None:
-            workspace.keep_best(job.request.prefer)
+            workspace.keep_best(fold_spec.request.prefer)
             certificate = workspace.read_certificate() or certificate
     return {**certificate.as_dict(), "again": following_stage}
 

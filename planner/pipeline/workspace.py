@@ -29,10 +29,10 @@ from foldback.planner.motion.timeline import Timeline
 from foldback.planner.pipeline import fold_layout as layout
 from foldback.planner.pipeline.attempt import Attempt, Candidates
 from foldback.planner.pipeline.fold_layout import last_frame
-from foldback.planner.pipeline.job import Job, Result, Search, share_bent
 from foldback.planner.pipeline.preference import COMPUTING, Preference, Rank, judgement, rank
 from foldback.planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
 from foldback.planner.pipeline.retry_policy import RetryPolicy
+from foldback.planner.pipeline.search import FoldSpec, Result, Search, share_bent
 from foldback.planner.plan.moment_search import moments_of
 from foldback.planner.plan.moments import Moments
 from foldback.planner.plan.plan import Plan
@@ -131,11 +131,11 @@ class Workspace:
         """Remove the chains of the preview, which the candidates repeat."""
         self._drop(names.PREPARED)
 
-    def read_job(self) -> Job:
+    def read_fold_spec(self) -> FoldSpec:
         """Return what is known of the fold before it is computed."""
         request, candidates = self.read_request(), self.read_candidates()
         policy, start = RetryPolicy.of(request, candidates), self.read_start(request)
-        return Job(request=request, candidates=candidates, policy=policy, start=start)
+        return FoldSpec(request=request, candidates=candidates, policy=policy, start=start)
 
     # What may be tried, and what was.
 
@@ -239,11 +239,11 @@ class Workspace:
             certificate=self.read_certificate(),
         )
 
-    def read_search(self, job: Job) -> Search:
+    def read_search(self, fold_spec: FoldSpec) -> Search:
         """Return the attempts so far, with the results of the latest."""
         history = self.read_history()
         if not history:  # nothing explodes
-            first = job.policy.next_attempt(())
+            first = fold_spec.policy.next_attempt(())
             assert first is not None
             history = (Attempt(spec=first, status="none"),)
         last = max((k for k, attempt in enumerate(history) if not attempt.repeats), default=0)

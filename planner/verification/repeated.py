@@ -17,8 +17,8 @@ from foldback.planner.certificate.frame_figures import write_figures
 from foldback.planner.certificate.table_forces import TableForces
 from foldback.planner.errors import UNREADABLE, InputError, PlannerError
 from foldback.planner.motion.timeline import Timeline
-from foldback.planner.pipeline.job import Watch, is_smoothing
 from foldback.planner.pipeline.playing_back import play_back
+from foldback.planner.pipeline.search import Watch, is_smoothing
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.moment_search import moments_of
 from foldback.planner.plan.plan import Plan, versions

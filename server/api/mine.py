@@ -20,10 +20,10 @@ from foldback.server.errors import Malformed
 from foldback.server.schemas import (
     Body,
     Fold,
-    FoldsMade,
     KeyReplaced,
-    PreviewMade,
-    PreviewsMade,
+    OwnedFolds,
+    OwnedPreview,
+    OwnedPreviews,
     moment,
 )
 from foldback.server.store.owned_items import folds_made, hand_over_all
@@ -34,7 +34,7 @@ router = APIRouter(prefix="/api/mine", tags=["mine"])
 CURSOR_PATTERN: Final = r"^[0-9]{1,12}(\.[0-9]{1,12})?,[A-Za-z0-9_-]{1,32}$"
 
 
-class KeyWanted(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class KeyRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The token that replaces another one."""
 
     owner_token: Annotated[
@@ -46,7 +46,7 @@ class KeyWanted(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ] = None
 
 
-class MovieMade(Body):
+class OwnedMovie(Body):
     """A movie that was requested with this token."""
 
     title: str
@@ -55,10 +55,10 @@ class MovieMade(Body):
     movie: MovieBody
 
 
-class MoviesMade(Body):
+class OwnedMovies(Body):
     """Movies of one owner, newest first."""
 
-    movies: list[MovieMade]
+    movies: list[OwnedMovie]
 
 
 async def listing_owner(
@@ -85,11 +85,11 @@ def get_my_folds(
         ),
     ] = None,
     limit: Annotated[int, Query(ge=1, le=100, description=("Maximum number of results."))] = 24,
-) -> FoldsMade:
+) -> OwnedFolds:
     """List the folds that were first requested with this token, including gallery shapes."""
     owned = folds_made(context.store, owner, before=before, limit=limit)
     query = urlencode({"before": owned.next, "limit": limit}, safe=",")
-    return FoldsMade(
+    return OwnedFolds(
         folds=[Fold.of(row, context.store, context.remaining) for row in owned.rows],
         next=f"{router.prefix}/folds?{query}" if owned.next else None,
         total=owned.total,
@@ -97,12 +97,12 @@ def get_my_folds(
 
 
 @router.get("/previews", summary="List my previews", responses=problems(401, 429))
-def get_my_previews(context: Here, owner: ListingOwner) -> PreviewsMade:
+def get_my_previews(context: Here, owner: ListingOwner) -> OwnedPreviews:
     """List the previews of files sent with this token, each with its latest options."""
     keep_s = context.settings.preview_keep_s
-    return PreviewsMade(
+    return OwnedPreviews(
         previews=[
-            PreviewMade(
+            OwnedPreview(
                 id=row.id,
                 title=shown_name(row.name) or "New shape",
                 module=row.module,
@@ -131,11 +131,11 @@ def delete_my_preview(context: Here, owner: ListingOwner, preview_id: str) -> Re
 
 
 @router.get("/movies", summary="List my movies", responses=problems(401, 429))
-def get_my_movies(context: Here, owner: ListingOwner) -> MoviesMade:
+def get_my_movies(context: Here, owner: ListingOwner) -> OwnedMovies:
     """List the movies that were requested with this token, newest first."""
-    return MoviesMade(
+    return OwnedMovies(
         movies=[
-            MovieMade(
+            OwnedMovie(
                 title=ShownFold.of(fold).title,
                 created_at=moment(row.created_at),
                 movie=MovieBody.of(row),
@@ -149,10 +149,10 @@ def get_my_movies(context: Here, owner: ListingOwner) -> MoviesMade:
     "/key",
     summary="Replace a token that other people may know",
     responses=problems(400, 401, 422, 429),
-    openapi_extra=described(KeyWanted),
+    openapi_extra=described(KeyRequest),
 )
 def post_my_key(
-    context: Here, owner: ListingOwner, wanted_key: Annotated[KeyWanted, json_body(KeyWanted)]
+    context: Here, owner: ListingOwner, wanted_key: Annotated[KeyRequest, json_body(KeyRequest)]
 ) -> KeyReplaced:
     """Move everything that belongs to this token to another token. This token stops working."""
     token = wanted_key.owner_token

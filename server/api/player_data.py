@@ -22,7 +22,7 @@ from foldback.planner.verification.integrity import check
 from foldback.server.http.client_address import address_of
 from foldback.server.http.downloads import BINARY_MEDIA_TYPE, Asset, revalidated
 from foldback.server.http.response_cache import mark
-from foldback.server.store.fold_source import FoldSource, Found
+from foldback.server.store.fold_source import FoldSource, LocatedFold
 from foldback.server.viewing.fold_lookup import found_fold, viewing_of
 from foldback.server.viewing.fold_notes import steps_in, tour_of, values_of
 from foldback.web.timeline.figures import FIGURES, cached_figures
@@ -141,7 +141,9 @@ async def steps(request: Request, fold_id: str) -> Response:
     return await asyncio.to_thread(_stored, request, fold_id, lambda _, located: steps_in(located))
 
 
-def _stored(request: Request, fold_id: str, of: Callable[[FoldSource, Found], object]) -> Response:
+def _stored(
+    request: Request, fold_id: str, of: Callable[[FoldSource, LocatedFold], object]
+) -> Response:
     """Return the values stored with a fold; 204 if there are none."""
     located = found_fold(request, fold_id)
     notes = of(viewing_of(request).store, located)

@@ -31,7 +31,7 @@ from foldback.server.errors import (
     WebsocketNeeded,
     refusal_of,
 )
-from foldback.server.files.trajectories import MotorsWanted, Retimed, Wanted
+from foldback.server.files.trajectories import MotorsRequest, Retimed, TrajectoryRequest
 from foldback.server.http.client_address import address_of
 from foldback.server.http.limited_stream import LimitedStream
 from foldback.server.http.websockets import close, first_of, receive
@@ -41,18 +41,18 @@ from foldback.server.target_streams.stream_messages import (
     DECODER,
     ENCODER,
     PLAY_FORMAT,
-    Ask,
     Begin,
     End,
-    Going,
     Outgoing,
     Pause,
+    PlayOptions,
     Report,
     Resume,
+    Running,
     Stop,
+    StreamProblem,
     Target,
     Waiting,
-    Wrong,
     schema,
 )
 from foldback.server.viewing.fold_lookup import ADDRESS_ID
@@ -181,9 +181,9 @@ async def motors_in_query(
         float | None, Query(gt=0, le=1e9, description="Largest torque of a motor, N·m.")
     ] = None,
     form: Annotated[Form, Query(alias="format")] = "json",
-) -> tuple[float, float, MotorsWanted]:
+) -> tuple[float, float, MotorsRequest]:
     """Return the speed and acceleration of the motion, rad/s and rad/s², and the motors."""
-    motors = MotorsWanted(
+    motors = MotorsRequest(
         module_mass_kg=module_mass,
         pitch_m=pitch,
         gravity_m_s2=gravity,
@@ -208,7 +208,7 @@ async def get_motors(
     request: Request,
     fold_id: str,
     context: Here,
-    query: Annotated[tuple[float, float, MotorsWanted], Depends(motors_in_query)],
+    query: Annotated[tuple[float, float, MotorsRequest], Depends(motors_in_query)],
 ) -> Response:
     """Compute the torques by inverse dynamics for the motion that `trajectory` returns."""
     speed, acceleration, motors = query
@@ -250,18 +250,18 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
     context = context_of(websocket)
     visitor = address_of(websocket)
     try:
-        ask = msgspec.convert(dict(websocket.query_params), Ask, strict=False)
+        options = msgspec.convert(dict(websocket.query_params), PlayOptions, strict=False)
     except msgspec.ValidationError as error:
         raise Unusable("bad-request", f"{error}.", where="query") from error
     with context.target_streams.enter(visitor):
-        timing = await asyncio.to_thread(_playable, context, fold_id, ask)
+        timing = await asyncio.to_thread(_playable, context, fold_id, options)
         await websocket.accept()
         try:
             retimed = await context.trajectories.of(timing, visitor)
             if not retimed.verified:
                 raise _not_verified()
             charge = partial(context.stream_rates.charge, visitor)
-            await _TargetStream(websocket, retimed, ask, fold_id, charge).play()
+            await _TargetStream(websocket, retimed, options, fold_id, charge).play()
             await close(websocket, DONE)
         except (ServiceError, DamagedError, InputError) as error:
             refused = refusal_of(error)
@@ -271,24 +271,24 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
 
 def _wanted(
     context: Context, fold_id: str, max_speed: float, max_acceleration: float
-) -> tuple[FoldRow, Wanted]:
+) -> tuple[FoldRow, TrajectoryRequest]:
     """Return the row of a finished fold, and the requested trajectory of its plan."""
     row = context.store.fold(fold_id)
     path = context.store.directory(fold_id) / PLAN
     try:
         if row.over:
             check(path.parent, path.name)
-            return row, Wanted.of(path, max_speed, max_acceleration)
+            return row, TrajectoryRequest.of(path, max_speed, max_acceleration)
     except OSError:
         pass
     raise not_there(row, "plan")
 
 
-def _playable(context: Context, fold_id: str, ask: Ask) -> Wanted:
+def _playable(context: Context, fold_id: str, options: PlayOptions) -> TrajectoryRequest:
     """Return the trajectory of a verified fold that a client requests."""
     if not ADDRESS_ID.fullmatch(fold_id):
         raise NoSuchFoldError(fold_id)
-    row, timing = _wanted(context, fold_id, ask.max_speed, ask.max_acceleration)
+    row, timing = _wanted(context, fold_id, options.max_speed, options.max_acceleration)
     if row.status != "verified":
         raise _not_verified()
     return timing
@@ -305,14 +305,14 @@ class _TargetStream:
         self,
         websocket: WebSocket,
         retimed: Retimed,
-        ask: Ask,
+        options: PlayOptions,
         fold_id: str,
         charge: Callable[[int], float],
     ) -> None:
         self._websocket = websocket
         self._charge = charge
         self._trajectory = retimed.trajectory
-        self._ask = ask
+        self._options = options
         self._fold_id = fold_id
         self._clock = asyncio.get_running_loop().time
         # Before the first target, the robot moves to the start of the motion.
@@ -322,15 +322,15 @@ class _TargetStream:
         self._at_start = False
         self._number = 0
         self._answered: int | None = None
-        self._ahead = max(2, round(0.25 * ask.rate_hz))
+        self._ahead = max(2, round(0.25 * options.rate_hz))
         self._heard = self._clock()
         self._pace = StreamClock(
             self._trajectory.duration_s,
-            speed=ask.speed,
+            speed=options.speed,
             # So that a stop at full speed does not exceed the acceleration limit.
-            ramp_s=ask.max_speed / ask.max_acceleration / ask.speed,
-            threshold_rad=ask.threshold_rad,
-            silence_s=ask.silence_s,
+            ramp_s=options.max_speed / options.max_acceleration / options.speed,
+            threshold_rad=options.threshold_rad,
+            silence_s=options.silence_s,
             now=self._heard,
         )
 
@@ -338,9 +338,9 @@ class _TargetStream:
         """Play until the end, a stop, or the client's disconnection."""
         from foldback.planner.exports.trajectory import largest_chord_error
 
-        ask, trajectory = self._ask, self._trajectory
+        options, trajectory = self._options, self._trajectory
         # A client interpolates linearly between targets, which are at most this far apart in time.
-        between_s = ask.speed * max(1.0 / ask.rate_hz, MAX_CLOCK_STEP_S)
+        between_s = options.speed * max(1.0 / options.rate_hz, MAX_CLOCK_STEP_S)
         await self._send(
             Begin(
                 schema=PLAY_FORMAT,
@@ -350,7 +350,7 @@ class _TargetStream:
                 duration_s=trajectory.duration_s,
                 deviation_rad=trajectory.deviation_rad + largest_chord_error(trajectory, between_s),
                 joint_angles_rad=trajectory.path.frames[0].round(6).tolist(),
-                **_echoed(ask),
+                **_echoed(options),
             )
         )
         await first_of(self._listen(), self._speak())
@@ -369,7 +369,7 @@ class _TargetStream:
         """
         pace, last_sent = self._pace, -REMINDER_S
         last_reason: Reason | Literal["nothing"] | None = "nothing"
-        period = 1.0 / self._ask.rate_hz
+        period = 1.0 / self._options.rate_hz
         due = self._clock()
         while True:
             now = self._clock()
@@ -382,7 +382,7 @@ class _TargetStream:
             if reason != last_reason:
                 last_reason = reason
                 if reason is None:
-                    await self._send(Going(time_s=pace.time_s))
+                    await self._send(Running(time_s=pace.time_s))
                 else:
                     await self._send(
                         Waiting(because=reason, time_s=pace.time_s, error_rad=pace.error_rad)
@@ -394,7 +394,7 @@ class _TargetStream:
             ):
                 last_sent = now
                 await self._send_target()
-                wait_s = self._charge(len(self._sent[-1][1]) * (2 if self._ask.speeds else 1))
+                wait_s = self._charge(len(self._sent[-1][1]) * (2 if self._options.speeds else 1))
             if pace.over(now):
                 await self._end("folded")
                 return
@@ -407,7 +407,7 @@ class _TargetStream:
         moment = np.array([self._pace.time_s])
         angles, speeds, _ = self._trajectory.at(moment)
         rates: Any = msgspec.UNSET
-        if self._ask.speeds:
+        if self._options.speeds:
             rates = (speeds[0] * self._pace.rate).round(6).tolist()
         self._number += 1
         self._sent.append((self._number, angles[0]))
@@ -444,13 +444,13 @@ class _TargetStream:
                 if isinstance(message, Report):
                     error = self._error_of(message)
                     self._pace.report(error, self._heard)
-                    self._at_start = self._at_start or error <= self._ask.threshold_rad
+                    self._at_start = self._at_start or error <= self._options.threshold_rad
                     if not isinstance(message.number, msgspec.UnsetType):
                         self._answered = min(message.number, self._number)
                 elif isinstance(message, Pause | Resume):
                     self._pace.paused = isinstance(message, Pause)
             except (msgspec.DecodeError, InputError) as error:
-                await self._send(Wrong(code="bad-message", detail=f"{error}."))
+                await self._send(StreamProblem(code="bad-message", detail=f"{error}."))
 
     def _error_of(self, report: Report) -> float:
         """Return the largest joint error in a report."""
@@ -485,14 +485,14 @@ class _TargetStream:
             raise TooSlow("gone", f"The client read nothing for {STREAM_TIMEOUT_S:g} s.") from None
 
 
-def _echoed(ask: Ask) -> dict[str, float]:
+def _echoed(options: PlayOptions) -> dict[str, float]:
     """Return the options that the first message repeats."""
-    repeated = set(Ask.__struct_fields__) & set(Begin.__struct_fields__)
-    return {name: getattr(ask, name) for name in repeated}
+    repeated = set(PlayOptions.__struct_fields__) & set(Begin.__struct_fields__)
+    return {name: getattr(options, name) for name in repeated}
 
 
 async def _refuse(websocket: WebSocket, code: int, word: str, detail: str) -> None:
     """Send an error and close the websocket."""
     with contextlib.suppress(RuntimeError, WebSocketDisconnect):
-        await websocket.send_text(ENCODER.encode(Wrong(code=word, detail=detail)).decode())
+        await websocket.send_text(ENCODER.encode(StreamProblem(code=word, detail=detail)).decode())
     await close(websocket, code, word)

@@ -37,7 +37,7 @@ from foldback.server.api import player_data as timelines
 from foldback.server.files.artifacts import Artifacts
 from foldback.server.http.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
 from foldback.server.pages import fold, share, static
-from foldback.server.store.fold_source import Found
+from foldback.server.store.fold_source import LocatedFold
 from foldback.server.viewing.fold_lookup import Viewing
 from foldback.server.viewing.frame_waits import FrameWaits
 from foldback.web.timeline.shared_views import TimelineViews
@@ -52,9 +52,11 @@ class FolderStore:
     def __init__(self, directory: Path) -> None:
         self._directory = directory
 
-    def find(self, fold_id: str) -> Found | None:
+    def find(self, fold_id: str) -> LocatedFold | None:
         """Return the only fold if the id matches."""
-        return Found(self.fold(fold_id), self._directory) if fold_id == PLAYED_FOLD_ID else None
+        return (
+            LocatedFold(self.fold(fold_id), self._directory) if fold_id == PLAYED_FOLD_ID else None
+        )
 
     def tour(self, _fold_id: str) -> dict[str, Any] | None:
         """Return the tour in the directory; None if it is missing or invalid."""

@@ -27,7 +27,7 @@ from foldback.planner.storage.output_directory import replacing_listed
 from foldback.planner.verification.stored_fold import check_fold
 from foldback.server.cli.play import row_of
 from foldback.server.pages.site import write_site
-from foldback.server.store.fold_source import Found
+from foldback.server.store.fold_source import LocatedFold
 from foldback.server.submission.shipped_folds import SHIPPED_FOLDS_DIR
 
 
@@ -99,10 +99,10 @@ def _check_address(service: str) -> None:
 
 
 @contextmanager
-def _shipped(finished: bool) -> Generator[list[Found]]:
+def _shipped(finished: bool) -> Generator[list[LocatedFold]]:
     """Unpack the finished folds of the package for the duration of a context."""
     with tempfile.TemporaryDirectory(prefix="foldback-site-") as place:
-        folds: list[Found] = []
+        folds: list[LocatedFold] = []
         for path in sorted(SHIPPED_FOLDS_DIR.glob("*.fold")) if finished else ():
             directory = Path(place) / path.stem
             directory.mkdir()
@@ -127,15 +127,15 @@ def _folds_in(directory: Path) -> list[Path]:
     return folds
 
 
-def _found(directory: Path, name: str) -> Found:
+def _found(directory: Path, name: str) -> LocatedFold:
     """Return a fold with an id that is valid in addresses."""
     fold_id = re.sub(r"[^A-Za-z0-9_-]+", "-", name).strip("-")[:60] or "fold"
-    return Found(replace(row_of(directory), id=fold_id), directory)
+    return LocatedFold(replace(row_of(directory), id=fold_id), directory)
 
 
-def _named_apart(folds: list[Found]) -> list[Found]:
+def _named_apart(folds: list[LocatedFold]) -> list[LocatedFold]:
     """Return the folds, shortest chain first, with unique ids."""
-    apart: dict[str, Found] = {}
+    apart: dict[str, LocatedFold] = {}
     for fold in sorted(folds, key=lambda fold: (fold.row.modules, fold.row.name)):
         ids = (fold.row.id if k == 1 else f"{fold.row.id}-{k}" for k in count(1))
         fold_id = next(candidate for candidate in ids if candidate not in apart)
@@ -143,7 +143,7 @@ def _named_apart(folds: list[Found]) -> list[Found]:
     return _titled_apart(list(apart.values()))
 
 
-def _titled_apart(folds: list[Found]) -> list[Found]:
+def _titled_apart(folds: list[LocatedFold]) -> list[LocatedFold]:
     """Return the folds with different titles: equal ones get their size or, if equal, their id."""
     for suffix in ("{title}, {row.modules} modules", "{row.id}"):
         titles = Counter(fold.row.title for fold in folds)

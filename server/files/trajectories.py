@@ -38,7 +38,7 @@ plans are left to the command line."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wanted:
+class TrajectoryRequest:
     """Requested trajectory: a plan and the bounds of the motion.
 
     Attributes:
@@ -56,7 +56,7 @@ class Wanted:
     max_acceleration: float
 
     @classmethod
-    def of(cls, plan: Path, max_speed: float, max_acceleration: float) -> Wanted:
+    def of(cls, plan: Path, max_speed: float, max_acceleration: float) -> TrajectoryRequest:
         """Return the request for a plan's file, with its current size and time.
 
         Raises:
@@ -85,7 +85,7 @@ class Wanted:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MotorsWanted:
+class MotorsRequest:
     """Robot for a table of motors, and the table's format.
 
     Attributes:
@@ -144,7 +144,9 @@ class Trajectories:
         self._streams = Quota("motions", total=STREAMS, per_visitor=STREAMS_OF_ADDRESS)
         self._cache: Cache[Retimed] = Cache(kept_bytes, lambda retimed: retimed.trajectory.nbytes)
         self._clearances: Cache[dict[str, Any]] = Cache(1024, lambda _: 1)
-        self._used: weakref.WeakValueDictionary[Wanted, Retimed] = weakref.WeakValueDictionary()
+        self._used: weakref.WeakValueDictionary[TrajectoryRequest, Retimed] = (
+            weakref.WeakValueDictionary()
+        )
         self._used_bytes = used_bytes
 
     @property
@@ -159,7 +161,7 @@ class Trajectories:
         self._flight.close()
         self._pool.close()
 
-    async def of(self, timing: Wanted, visitor: str) -> Retimed:
+    async def of(self, timing: TrajectoryRequest, visitor: str) -> Retimed:
         """Return the requested trajectory; it is computed once for all concurrent requests.
 
         Raises:
@@ -184,7 +186,7 @@ class Trajectories:
             )
         return used
 
-    async def motors(self, timing: Wanted, motors: MotorsWanted, visitor: str) -> bytes:
+    async def motors(self, timing: TrajectoryRequest, motors: MotorsRequest, visitor: str) -> bytes:
         """Return the torques that a trajectory needs, as ``MotorRequirements`` writes them.
 
         Raises:
@@ -204,7 +206,7 @@ class Trajectories:
         return await self._flight.get_or_make((timing, motors), made, visitor=visitor)
 
     async def clearance(
-        self, timing: Wanted, rate_hz: float | None, visitor: str
+        self, timing: TrajectoryRequest, rate_hz: float | None, visitor: str
     ) -> tuple[float, float]:
         """Return the minimum clearance and its bound for straight motions between rows, pitches.
 
@@ -241,7 +243,7 @@ class Trajectories:
         """
         return self._streams.enter(address)
 
-    def _shared(self, timing: Wanted, retimed: Retimed) -> Retimed:
+    def _shared(self, timing: TrajectoryRequest, retimed: Retimed) -> Retimed:
         """Return a trajectory that shares its frames with others of the same plan, if any."""
         for used_timing, used in self._used.items():
             if (used_timing.plan, used_timing.changed_ns) == (timing.plan, timing.changed_ns):
@@ -249,7 +251,7 @@ class Trajectories:
                 return replace(retimed, trajectory=replace(retimed.trajectory, path=path))
         return retimed
 
-    def _retimed(self, timing: Wanted) -> Retimed:
+    def _retimed(self, timing: TrajectoryRequest) -> Retimed:
         from foldback.planner.robot.trajectory import FRAMES_FILE, REST_FILE
 
         with self._motions.directory() as place, self._scratch.directory() as directory:
@@ -265,7 +267,7 @@ class Trajectories:
             )
 
     def _call(
-        self, task: str, place: Path, timing: Wanted, request: dict[str, Any]
+        self, task: str, place: Path, timing: TrajectoryRequest, request: dict[str, Any]
     ) -> dict[str, Any]:
         (place / "request.json").write_text(json.dumps(request))
         # The child can access only this directory. It gets a copy of the plan, because through a

@@ -32,7 +32,7 @@ from foldback.server.processes.movie_task import movie_formats
 from foldback.server.schemas import export_href
 from foldback.server.store.estimates import expected_of_cost, plain_fold
 from foldback.server.store.fold_files import frames_promised
-from foldback.server.store.fold_source import Found
+from foldback.server.store.fold_source import LocatedFold
 from foldback.server.store.schema import FoldRow, request_of
 from foldback.words import certificate as certificate_words
 from foldback.words.certificate import TableWords
@@ -160,7 +160,7 @@ def takes_by_cost(row: FoldRow) -> str:
 
 
 def fold_facts(
-    located: Found,
+    located: LocatedFold,
     *,
     api: bool = True,
     embed: bool = False,
@@ -241,7 +241,7 @@ def _downloads(row: ShownFold, summary: FoldSummary) -> list[Download]:
     ]
 
 
-def _files(located: Found) -> list[Download]:
+def _files(located: LocatedFold) -> list[Download]:
     """Return the files that show a fold's motion; none for an alternative to its plan."""
     if not frames_promised(located.directory) or located.alternative_to is not None:
         return []
@@ -312,7 +312,7 @@ def _options(row: ShownFold) -> Literal["all", "owner"] | None:
     return "all" if row.shape else "owner"
 
 
-def _compare(located: Found, takes: Callable[[FoldRow], str]) -> list[Suggestion]:
+def _compare(located: LocatedFold, takes: Callable[[FoldRow], str]) -> list[Suggestion]:
     """Return the labels and forms of the buttons that fold the same input by another method."""
     row = located.row
     plain = FoldRequest(seed=row.seed, module_size=row.module_size)
@@ -330,7 +330,7 @@ def _compare(located: Found, takes: Callable[[FoldRow], str]) -> list[Suggestion
 
 
 def _other_methods(
-    located: Found, plain: FoldRequest, takes: Callable[[FoldRow], str]
+    located: LocatedFold, plain: FoldRequest, takes: Callable[[FoldRow], str]
 ) -> list[Suggestion]:
     """Return the suggestions for a fold without a table: table, preference and presets.
 
@@ -407,7 +407,7 @@ def _smoothable(row: ShownFold, summary: FoldSummary) -> bool:
     return frames * int(summary.get("hinges") or 0) <= MAX_SMOOTHED_ANGLES
 
 
-def _smoothing(located: Found | None, summary: FoldSummary) -> Smoothing | None:
+def _smoothing(located: LocatedFold | None, summary: FoldSummary) -> Smoothing | None:
     """Return the changes by smoothing in words; None for a recorded plan.
 
     Without ``located``, there is no link to both plans.

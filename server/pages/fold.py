@@ -24,7 +24,7 @@ from foldback.server.pages.page import origin_of, page, script_json
 from foldback.server.pages.privacy import visibility
 from foldback.server.pages.problem_page import no_such_page
 from foldback.server.processes.read_task import MAX_DRAWN_CELLS
-from foldback.server.store.fold_source import Found
+from foldback.server.store.fold_source import LocatedFold
 from foldback.server.store.schema import FoldRow
 from foldback.server.viewing.fold_lookup import find_now, viewing_of
 from foldback.web.pictures.isometric import isometric_svg
@@ -105,7 +105,7 @@ def _drawing_of(path: Path, is_chain: bool) -> str:
     return isometric_svg(cells) if 0 < len(cells) <= MAX_DRAWN_CELLS else ""
 
 
-def _facts(request: Request, located: Found) -> FoldFacts:
+def _facts(request: Request, located: LocatedFold) -> FoldFacts:
     if viewing_of(request).settings is None:
         return fold_facts(located, api=False)
     context = context_of(request)

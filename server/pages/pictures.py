@@ -21,7 +21,7 @@ from foldback.server.http.security import INDEXED_HEADERS
 from foldback.server.pages.fold import drawing_in
 from foldback.server.pages.page import drawing, not_found
 from foldback.server.processes.children import ChildError
-from foldback.server.store.fold_source import Found
+from foldback.server.store.fold_source import LocatedFold
 from foldback.server.viewing.fold_lookup import find_fold
 from foldback.web.pictures.picture_view import MAX_SHORT_FORM_LENGTH, SHORT_FORM_PATTERN
 from foldback.words.fold import RUNNING_STATUSES
@@ -72,7 +72,7 @@ async def picture_of_fold(
     return not_found() if data is None else picture_answer(data, listed=row.public, over=over)
 
 
-def _changed_ns(located: Found, view: str | None) -> int:
+def _changed_ns(located: LocatedFold, view: str | None) -> int:
     """Return the time when the displayed chain was written, ns since 1970; 0 without a chain.
 
     Raises:
@@ -84,7 +84,7 @@ def _changed_ns(located: Found, view: str | None) -> int:
     return chain.stat().st_mtime_ns if chain.exists() else 0
 
 
-def _drawn(context: Context, located: Found, view: str | None) -> bytes | None:
+def _drawn(context: Context, located: LocatedFold, view: str | None) -> bytes | None:
     """Return the picture of a fold in the view of a link; None if it cannot be drawn.
 
     Raises:

@@ -27,7 +27,7 @@ from foldback.server.pages.facts import FoldFacts, fold_facts, script_facts
 from foldback.server.pages.page import page, policy_of_pages, rendered, script_json
 from foldback.server.pages.problem_page import no_such_page
 from foldback.server.store.fold_files import NoSuchFoldError
-from foldback.server.store.fold_source import FoldSource, Found
+from foldback.server.store.fold_source import FoldSource, LocatedFold
 from foldback.server.store.object_store import TIMELINE_HEAD
 from foldback.server.viewing.fold_lookup import find_fold, found_fold, viewing_of
 from foldback.server.viewing.fold_notes import steps_in, tour_of, values_of
@@ -128,7 +128,7 @@ async def recording(request: Request, fold_id: str) -> Response:
     return _file(path, located.row.name, "viser", "application/octet-stream")
 
 
-def _of_view(located: Found, make: Callable[[TimelineView], bytes]) -> Callable[[], bytes]:
+def _of_view(located: LocatedFold, make: Callable[[TimelineView], bytes]) -> Callable[[], bytes]:
     """Return a function that reads a separate view, because the shared one caches other frames."""
 
     def made() -> bytes:
@@ -143,7 +143,7 @@ def _of_view(located: Found, make: Callable[[TimelineView], bytes]) -> Callable[
 
 
 def standalone_page(
-    located: Found,
+    located: LocatedFold,
     timeline: TimelineView,
     facts: FoldFacts,
     render: Render,
@@ -170,12 +170,12 @@ def standalone_page(
     )
 
 
-def _table(located: Found, timeline: TimelineView) -> TableTop | None:
+def _table(located: LocatedFold, timeline: TimelineView) -> TableTop | None:
     """Return the table under a fold; None if it floats."""
     return None if located.row.world == FLOATING else timeline.table()
 
 
-def _kept(store: FoldSource, located: Found) -> dict[str, Any]:
+def _kept(store: FoldSource, located: LocatedFold) -> dict[str, Any]:
     """Return the tour of a fold, the module values that are stored with it, and its steps."""
     return {
         "tour": tour_of(store, located),
@@ -196,7 +196,7 @@ def _page(**values: object) -> str:
     return rendered("standalone.html", details=True, **values)
 
 
-async def _finished(request: Request, fold_id: str) -> Found:
+async def _finished(request: Request, fold_id: str) -> LocatedFold:
     located = await asyncio.to_thread(found_fold, request, fold_id)
     if located.alternative_to is not None:
         raise NoSuchFoldError(fold_id)

@@ -26,7 +26,7 @@ from foldback.server.pages.page import rendered
 from foldback.server.pages.paper import paper_data, paper_files, paper_values
 from foldback.server.pages.share import standalone_page
 from foldback.server.pages.static import ELEMENT
-from foldback.server.store.fold_source import Found
+from foldback.server.store.fold_source import LocatedFold
 from foldback.server.viewing.fold_notes import draft_of, steps_in
 from foldback.web.static_files import STATIC, code_of
 from foldback.web.timeline.view import TimelineView
@@ -111,7 +111,7 @@ class Site:
         write_whole(path, content.encode() if isinstance(content, str) else content)
 
 
-def write_site(out: Path, folds: Sequence[Found], service: str | None = None) -> None:
+def write_site(out: Path, folds: Sequence[LocatedFold], service: str | None = None) -> None:
     """Write a site.
 
     Args:
@@ -144,7 +144,7 @@ def write_site(out: Path, folds: Sequence[Found], service: str | None = None) ->
     _shared_files(site)
 
 
-def _fold_page(site: Site, fold: Found) -> bytes:
+def _fold_page(site: Site, fold: LocatedFold) -> bytes:
     render = partial(site.rendered, "standalone.html", "../", details=True)
     timeline = TimelineView(result_path(fold.directory, TIMELINE))
     facts = fold_facts(fold, api=False)

@@ -109,7 +109,7 @@ def preview(directory: Path) -> dict[str, Any]:
     Raises:
         InputError: If the input in the parent directory is invalid.
     """
-    from foldback.planner.pipeline.prepare import prepare_found, read_in_any_order
+    from foldback.planner.pipeline.prepare import prepare_subject, read_in_any_order
     from foldback.planner.plan.prepared_chains import key_of
 
     about = request_in(directory)
@@ -122,7 +122,7 @@ def preview(directory: Path) -> dict[str, Any]:
     # What is said if the time runs out depends on what took it.
     triangles = len(contents) if isinstance(contents, Solid) else 0
     (directory / READ_CONTENT).write_text(json.dumps({"triangles": triangles}))
-    preparation = prepare_found(
+    preparation = prepare_subject(
         contents,
         read_options,
         seed=request.seed,

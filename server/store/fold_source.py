@@ -10,7 +10,7 @@ from foldback.words.fold import ShownFold
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class LocatedFold:
     """A fold, and the directory of its files.
 
     Attributes:
@@ -29,7 +29,7 @@ class Found:
 class FoldSource(Protocol):
     """Source of folds for pages."""
 
-    def find(self, fold_id: str, /) -> Found | None:
+    def find(self, fold_id: str, /) -> LocatedFold | None:
         """Return a fold by its id, and record the access; None if there is none."""
         ...
 

@@ -32,7 +32,7 @@ from foldback.server.limits.fair_queue import (
 from foldback.server.limits.queue_room import Waiting
 from foldback.server.settings import Settings
 from foldback.server.store.fold_files import Folders, NoSuchFoldError
-from foldback.server.store.fold_source import Found
+from foldback.server.store.fold_source import LocatedFold
 from foldback.server.store.owner import Owner, owned_by
 from foldback.server.store.schema import (
     ENDED,
@@ -170,7 +170,7 @@ class Store:
             raise NoSuchFoldError(fold_id)
         return row
 
-    def find(self, fold_id: str) -> Found | None:
+    def find(self, fold_id: str) -> LocatedFold | None:
         """Return a fold by its id, and record the access; None if there is none."""
         try:
             row = self.fold(fold_id)
@@ -181,7 +181,7 @@ class Store:
         if row.smooths is not None:
             with suppress(NoSuchFoldError):
                 recorded = self.fold(row.smooths).id
-        return Found(ShownFold.of(row), self.folders.shown(row), recorded)
+        return LocatedFold(ShownFold.of(row), self.folders.shown(row), recorded)
 
     def tour(self, fold_id: str) -> dict[str, Any] | None:
         """Return the tour that a fold's owner has stored, as plain values; None if none."""

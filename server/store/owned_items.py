@@ -14,7 +14,7 @@ from foldback.server.store.schema import FoldRow, MovieRow, PreviewRow, TourRow,
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FoldsMade:
+class OwnedFolds:
     """One page of an owner's folds.
 
     Attributes:
@@ -28,7 +28,7 @@ class FoldsMade:
     total: int
 
 
-def folds_made(store: Store, owner: Owner, *, before: str | None, limit: int) -> FoldsMade:
+def folds_made(store: Store, owner: Owner, *, before: str | None, limit: int) -> OwnedFolds:
     """Return the folds that an owner was the first to request.
 
     Args:
@@ -51,7 +51,7 @@ def folds_made(store: Store, owner: Owner, *, before: str | None, limit: int) ->
         rows = session.scalars(newest_first.limit(limit + 1)).all()
     has_more = len(rows) > limit
     rows = rows[:limit]
-    return FoldsMade(
+    return OwnedFolds(
         rows=rows, next=f"{rows[-1].created_at!r},{rows[-1].id}" if has_more else None, total=total
     )
 

@@ -17,7 +17,7 @@ PLAY_FORMAT: Final = "foldback-play/1"
 Error = Annotated[float, Meta(ge=0.0)]
 
 
-class Ask(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class PlayOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Playing options, from the query of the websocket's address.
 
     Attributes:
@@ -107,13 +107,13 @@ class Waiting(Struct, tag_field="is", tag="waiting", frozen=True, kw_only=True):
     error_rad: float | None
 
 
-class Going(Struct, tag_field="is", tag="going", frozen=True, kw_only=True):
+class Running(Struct, tag_field="is", tag="going", frozen=True, kw_only=True):
     """The clock runs."""
 
     time_s: float
 
 
-class Wrong(Struct, tag_field="is", tag="problem", frozen=True, kw_only=True):
+class StreamProblem(Struct, tag_field="is", tag="problem", frozen=True, kw_only=True):
     """An error: a message is refused, or the connection is about to close."""
 
     code: str
@@ -128,21 +128,21 @@ class End(Struct, tag_field="is", tag="end", frozen=True, kw_only=True):
     error_rad: float | None
 
 
-Outgoing = Begin | Target | Waiting | Going | Wrong | End
+Outgoing = Begin | Target | Waiting | Running | StreamProblem | End
 DECODER: Final = msgspec.json.Decoder(Incoming)
 ENCODER: Final = msgspec.json.Encoder()
 
 
 def schema() -> dict[str, Any]:
     """Return JSON Schema of the question and of the messages of both directions."""
-    kinds = (Ask, Incoming, Outgoing)
-    (ask, incoming, outgoing), definitions = msgspec.json.schema_components(
+    kinds = (PlayOptions, Incoming, Outgoing)
+    (options, incoming, outgoing), definitions = msgspec.json.schema_components(
         kinds, ref_template="#/$defs/{name}"
     )
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": PLAY_FORMAT,
         "type": "object",
-        "properties": {"query": ask, "to_service": incoming, "to_client": outgoing},
+        "properties": {"query": options, "to_service": incoming, "to_client": outgoing},
         "$defs": definitions,
     }

@@ -15,11 +15,11 @@ from foldback.planner.errors import UNREADABLE
 from foldback.planner.pipeline.preference import COMPUTING
 from foldback.planner.storage.file_names import ATTEMPTS, CERTIFICATE, CHAIN, PLANS_DIR
 from foldback.planner.storage.files import json_of
-from foldback.server.store.fold_source import Found
+from foldback.server.store.fold_source import LocatedFold
 from foldback.words.fold import RUNNING_STATUSES
 
 
-def alternative(located: Found, number: str) -> Found | None:
+def alternative(located: LocatedFold, number: str) -> LocatedFold | None:
     """Return another plan of a fold as something to show; None if it is not stored.
 
     Args:
@@ -58,4 +58,4 @@ def alternative(located: Found, number: str) -> Found | None:
         smooths=None,
         summary=summary,
     )
-    return Found(row, directory, alternative_to=located.row.id)
+    return LocatedFold(row, directory, alternative_to=located.row.id)

@@ -13,7 +13,7 @@ from starlette.requests import HTTPConnection
 from foldback.server.files.artifacts import Artifacts
 from foldback.server.settings import Settings
 from foldback.server.store.fold_files import NoSuchFoldError
-from foldback.server.store.fold_source import FoldSource, Found, id_of_fold
+from foldback.server.store.fold_source import FoldSource, LocatedFold, id_of_fold
 from foldback.server.viewing.alternatives import alternative
 from foldback.server.viewing.frame_waits import FrameWaits
 from foldback.web.timeline.shared_views import TimelineViews
@@ -46,7 +46,7 @@ def viewing_of(request: HTTPConnection) -> Viewing:
     return viewing
 
 
-def find_now(request: Request, fold_id: str) -> Found | None:
+def find_now(request: Request, fold_id: str) -> LocatedFold | None:
     """Return the fold of that id, or an alternative to its plan, or None.
 
     It asks the database, so it must not run in the event loop's own thread.
@@ -59,7 +59,7 @@ def find_now(request: Request, fold_id: str) -> Found | None:
     return alternative(located, fold_id.removeprefix(f"{located.row.id}-"))
 
 
-def found_fold(request: Request, fold_id: str) -> Found:
+def found_fold(request: Request, fold_id: str) -> LocatedFold:
     """Return the fold of that id.
 
     Raises:
@@ -71,6 +71,6 @@ def found_fold(request: Request, fold_id: str) -> Found:
     return located
 
 
-async def find_fold(request: Request, fold_id: str) -> Found | None:
+async def find_fold(request: Request, fold_id: str) -> LocatedFold | None:
     """Return the fold of that id, or None."""
     return await asyncio.to_thread(find_now, request, fold_id)

@@ -6,12 +6,14 @@ from typing import Any
 
 from foldback.planner.pipeline.fold_layout import stored_moments
 from foldback.server.store.fold_files import frames_promised
-from foldback.server.store.fold_source import FoldSource, Found
+from foldback.server.store.fold_source import FoldSource, LocatedFold
 from foldback.words.fold import RUNNING_STATUSES
 from foldback.words.tour import draft_tour
 
 
-def tour_of(store: FoldSource, located: Found, *, draft: bool = False) -> dict[str, Any] | None:
+def tour_of(
+    store: FoldSource, located: LocatedFold, *, draft: bool = False
+) -> dict[str, Any] | None:
     """Return the tour of a fold as plain values; None while it runs, or without frames.
 
     Args:
@@ -25,19 +27,19 @@ def tour_of(store: FoldSource, located: Found, *, draft: bool = False) -> dict[s
     return stored_tour if stored_tour is not None else draft_of(located)
 
 
-def draft_of(located: Found) -> dict[str, Any] | None:
+def draft_of(located: LocatedFold) -> dict[str, Any] | None:
     """Return the draft for a fold that is over as plain values; None without frames."""
     moments = stored_moments(located.directory)
     drafted = draft_tour(located.row, frames_promised(located.directory), moments)
     return None if drafted is None else drafted.as_dict()
 
 
-def values_of(store: FoldSource, located: Found) -> dict[str, Any] | None:
+def values_of(store: FoldSource, located: LocatedFold) -> dict[str, Any] | None:
     """Return the numbers that are stored with a fold as plain values; None without any."""
     return None if located.alternative_to else store.values(located.row.id)
 
 
-def steps_in(located: Found) -> list[dict[str, Any]] | None:
+def steps_in(located: LocatedFold) -> list[dict[str, Any]] | None:
     """Return the steps of a fold as plain values; None without steps."""
     moments = stored_moments(located.directory)
     return None if moments is None else moments.as_dict().get("steps")

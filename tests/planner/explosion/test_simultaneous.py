@@ -15,7 +15,7 @@ from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.pathfinding.knots import knot_of
 from foldback.planner.pipeline import exploding
 from foldback.planner.pipeline.attempt import AttemptSpec
-from foldback.planner.pipeline.job import Watch
+from foldback.planner.pipeline.search import Watch
 from foldback.planner.simulation.reduced_state import Acceleration
 from tests.planner.chains import Array, coil, knotted, line
 from tests.planner.folds import intercept

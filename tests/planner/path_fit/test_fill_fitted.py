@@ -20,7 +20,7 @@ from foldback.planner.pipeline.prepare import (
     MIN_FITTED_GAIN,
     Preparation,
     check_for_table,
-    prepare_found,
+    prepare_subject,
 )
 from foldback.planner.readers import read
 from foldback.planner.shapes.lattice_fits import Ladder
@@ -29,7 +29,7 @@ from tests.planner.solids_made import box, solid_of, torus
 
 
 def prepared(mesh: trimesh.Trimesh, **options: object) -> Preparation:
-    return prepare_found(solid_of(mesh), PathOptions(**{"modules": 64, **options}))  # type: ignore[arg-type]
+    return prepare_subject(solid_of(mesh), PathOptions(**{"modules": 64, **options}))  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
@@ -144,7 +144,7 @@ def test_auto_keeps_blocks_for_a_box() -> None:
 
 def test_a_fitted_path_needs_fewer_modules_for_a_likeness() -> None:
     fitted, blocks = (
-        prepare_found(
+        prepare_subject(
             solid_of(torus()), PathOptions(modules=24, method=method), offering=True
         ).reach[0.75]
         for method in ("auto", "blocks")
@@ -176,7 +176,7 @@ def test_the_method_fitted_needs_a_mesh_in_zero_gravity() -> None:
     }
     for name, (expected_error, options) in refused.items():
         with case(name), pytest.raises(InputError, match="got .*fitted"):
-            prepare_found(expected_error, PathOptions(method="fitted", **options))  # type: ignore[arg-type]
+            prepare_subject(expected_error, PathOptions(method="fitted", **options))  # type: ignore[arg-type]
 
 
 def test_cells_are_where_the_mesh_is(fitted_ring: Preparation) -> None:

@@ -15,7 +15,7 @@ from foldback.planner.path_fit.fill_trail import fill_with_trail
 from foldback.planner.path_fit.fit import schedule
 from foldback.planner.pathfinding.eulerian_circuits import eulerian_circuit
 from foldback.planner.pathfinding.path_options import PathOptions
-from foldback.planner.pipeline.prepare import Preparation, prepare_found
+from foldback.planner.pipeline.prepare import Preparation, prepare_subject
 from tests.planner.solids_made import solid_of, torus
 
 SPAN = np.array([12, 12, 12])
@@ -23,7 +23,7 @@ SPAN = np.array([12, 12, 12])
 
 def prepared(**options: object) -> Preparation:
     request = {"modules": 48, "module": "tetrahedron", **options}
-    return prepare_found(solid_of(torus()), PathOptions(**request))  # type: ignore[arg-type]
+    return prepare_subject(solid_of(torus()), PathOptions(**request))  # type: ignore[arg-type]
 
 
 def pairs_of(numbers: Ints) -> Ints:

@@ -15,7 +15,7 @@ from foldback.planner.errors import InputError
 from foldback.planner.motion.record import Record
 from foldback.planner.pipeline.attempt import Attempt, AttemptSpec
 from foldback.planner.pipeline.fold import fold, refold, smooth_plan
-from foldback.planner.pipeline.job import Result, Search
+from foldback.planner.pipeline.search import Result, Search
 from foldback.planner.plan.plan import Plan
 from foldback.planner.reasons import Reason, ReasonCode
 from foldback.planner.verification.verify import verify

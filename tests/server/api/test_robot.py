@@ -213,7 +213,9 @@ def test_messages_are_bounded_in_size_and_rate(finished: FinishedFold) -> None:
 
 def test_messages_of_play_have_a_schema(finished: FinishedFold) -> None:
     schema = finished.http.get("/api/play-schema").json()
-    assert {"Ask", "Begin", "Target", "Waiting", "Going", "Report", "End"} <= set(schema["$defs"])
+    assert {"PlayOptions", "Begin", "Target", "Waiting", "Running", "Report", "End"} <= set(
+        schema["$defs"]
+    )
 
 
 def test_trajectory_is_given_as_json_and_csv(finished: FinishedFold) -> None:

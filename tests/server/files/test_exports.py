@@ -22,7 +22,7 @@ from foldback.server.files.artifacts import FILES_AT_ONCE, MAX_PENDING_FILES, Ar
 from foldback.server.files.exports import export_file
 from foldback.server.pages.facts import fold_facts
 from foldback.server.store.fold_files import EXPORTS_DIR
-from foldback.server.store.fold_source import Found
+from foldback.server.store.fold_source import LocatedFold
 from foldback.server.store.folds import NoSuchFoldError, Store
 from foldback.server.store.schema import FoldRow
 from foldback.words.fold import ShownFold
@@ -209,7 +209,7 @@ def test_leaflets_take_a_hostile_name_for_text(service: Service) -> None:
 
 def test_downloads_of_a_plan_without_frames_leave_out_motion(store: Store, fold: FoldRow) -> None:
     fold.summary = {**fold.summary, "playback": None}
-    found_fold = Found(ShownFold.of(fold), store.directory(fold.id))
+    found_fold = LocatedFold(ShownFold.of(fold), store.directory(fold.id))
     offered = [
         download["href"].rpartition("/")[2] for download in fold_facts(found_fold)["downloads"]
     ]

@@ -21,10 +21,10 @@ from foldback.server.files.trajectories import (
     MOTORS_FILE,
     PLAN,
     STREAMS_OF_ADDRESS,
-    MotorsWanted,
+    MotorsRequest,
     Retimed,
     Trajectories,
-    Wanted,
+    TrajectoryRequest,
 )
 from foldback.server.processes.children import Pool
 from foldback.server.processes.retime_task import clearance, motors, retime
@@ -81,8 +81,8 @@ class Motions:
         """Return an empty cache of trajectories within bounds."""
         return Trajectories(Settings(data_dir=self.place), cast("Pool", self.tasks), **extra)
 
-    def wanted(self, speed: float = 1.0) -> Wanted:
-        return Wanted.of(self.plan, speed, 2.0)
+    def wanted(self, speed: float = 1.0) -> TrajectoryRequest:
+        return TrajectoryRequest.of(self.plan, speed, 2.0)
 
     def retime(self, **bounds: int) -> Retimed:
         """Return the motion as the service computes it."""
@@ -165,7 +165,7 @@ def test_files_of_the_child_are_read_within_bounds(
         with pytest.raises(kind):
             motions.retime(**bounds)
     spoiled = Path(MOTORS_FILE)
-    robot = MotorsWanted(
+    robot = MotorsRequest(
         module_mass_kg=0.1,
         pitch_m=None,
         gravity_m_s2=9.81,

@@ -13,7 +13,7 @@ import pytest
 from foldback.planner.pipeline.fold_layout import is_on_table
 from foldback.server.pages.facts import fold_facts
 from foldback.server.processes.children import Child
-from foldback.server.store.fold_source import Found
+from foldback.server.store.fold_source import LocatedFold
 from foldback.web.movies.encoding import find_ffmpeg
 from foldback.words.fold import ShownFold
 from tests.server.cli.test_command_line import foldback
@@ -151,7 +151,7 @@ def test_movie_that_cannot_be_made_here_is_refused_before_any_process_starts(
     for name, value in without_ffmpeg.items():
         monkeypatch.setenv(name, value)
     fold = ShownFold(id="one", name="One", status="verified", modules=16, preset="default", seed=0)
-    found_fold = Found(fold, finished.directory)
+    found_fold = LocatedFold(fold, finished.directory)
     assert fold_facts(found_fold)["movies"] == ["gif"]
     refused = idle.http.post(movies, json={})
     check_problem(refused, 422, "no-encoder")

@@ -9,7 +9,7 @@ import pytest
 
 from foldback.server.api.robot import _TargetStream
 from foldback.server.limits.networks import visitor_at
-from foldback.server.target_streams.stream_messages import Ask
+from foldback.server.target_streams.stream_messages import PlayOptions
 from foldback.server.target_streams.stream_rates import NUMBERS_PER_SECOND_OF_VISITOR, stream_rates
 
 JOINTS = 3
@@ -45,8 +45,8 @@ def test_target_streams_of_a_visitor_get_a_limited_number_of_angles(speeds: bool
     async def speak() -> int:
         socket = Messages()
         namespace = cast("Any", SimpleNamespace(trajectory=trajectory()))
-        ask = Ask(rate_hz=100, speeds=speeds)
-        session = _TargetStream(cast("Any", socket), namespace, ask, "fold", charge)
+        options = PlayOptions(rate_hz=100, speeds=speeds)
+        session = _TargetStream(cast("Any", socket), namespace, options, "fold", charge)
         session._at_start = True
         session._pace.report(0.0, asyncio.get_running_loop().time())
         with pytest.raises(TimeoutError):

@@ -25,7 +25,7 @@ from foldback.server.pages.facts import fold_facts
 from foldback.server.pages.fold import takes
 from foldback.server.settings import Settings
 from foldback.server.store.estimates import Estimates
-from foldback.server.store.fold_source import Found
+from foldback.server.store.fold_source import LocatedFold
 from foldback.server.store.folds import Store
 from foldback.server.store.leases import Compilation, Leases
 from foldback.words import quantities
@@ -98,7 +98,7 @@ def test_ideal_robot_is_described_by_its_encoders_alone() -> None:
     assert groups[-1] == ("Simulated robot", RobotParameters, {"encoder_step": 0.01})
 
 
-def failed_fold(directory: Path, frames: int, **values: Any) -> Found:
+def failed_fold(directory: Path, frames: int, **values: Any) -> LocatedFold:
     """Return a failed fold with the given frames of explosion."""
     if frames:
         chain = chain_of(SNAKE)
@@ -106,7 +106,7 @@ def failed_fold(directory: Path, frames: int, **values: Any) -> Found:
             writer.append(unfolding(chain, frames))
     usual: dict[str, Any] = {"status": "failed", "stage": "certify", "preset": "default", "seed": 0}
     row = {"id": "f" * 20, "name": "Claw hammer", "modules": 16, **usual, **values}
-    return Found(ShownFold(**row), directory)
+    return LocatedFold(ShownFold(**row), directory)
 
 
 def test_facts_are_read_without_the_whole_plan(finished: FinishedFold, tmp_path: Path) -> None:

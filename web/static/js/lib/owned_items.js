@@ -7,7 +7,7 @@ const FOLDS = "/api/mine/folds";
 export class FoldList {
   /**
    * @param {string[]} keys
-   * @param {(address: string, key: string) => Promise<Api.FoldsMade>} fetched
+   * @param {(address: string, key: string) => Promise<Api.OwnedFolds>} fetched
    */
   constructor(keys, fetched = (address, token) => ask(address, { token })) {
     this.ask = fetched;
@@ -64,16 +64,16 @@ export async function deleteMade(token) {
   /** @type {string | null} */
   let address = `${FOLDS}?limit=100`;
   while (address) {
-    /** @type {Api.FoldsMade} */
+    /** @type {Api.OwnedFolds} */
     const { folds, next } = await ask(address, { token });
     for (const { links, public: everybodys } of folds)
       if (!everybodys) await remove(links.self, token);
     address = next;
   }
-  /** @type {Api.MoviesMade} */
+  /** @type {Api.OwnedMovies} */
   const { movies } = await ask("/api/mine/movies", { token });
   for (const { movie } of movies) await remove(movie.links.self, token);
-  /** @type {Api.PreviewsMade} */
+  /** @type {Api.OwnedPreviews} */
   const { previews } = await ask("/api/mine/previews", { token });
   for (const { id } of previews) await remove(`/api/mine/previews/${id}`, token);
 }

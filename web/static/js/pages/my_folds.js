@@ -60,9 +60,9 @@ async function load() {
   get("found").textContent = "Searching…";
   const keys = keysHere();
   try {
-    /** @type {Api.PreviewsMade[]} */
+    /** @type {Api.OwnedPreviews[]} */
     const previews = await Promise.all(keys.map((token) => ask("/api/mine/previews", { token })));
-    /** @type {Api.MoviesMade[]} */
+    /** @type {Api.OwnedMovies[]} */
     const movies = await Promise.all(keys.map((token) => ask("/api/mine/movies", { token })));
     if (loadTurn !== turn) return;
     list = new FoldList(keys);

@@ -264,7 +264,7 @@ export class FoldCard extends Card {
 
 export class PreviewCard extends Card {
   /**
-   * @param {Api.PreviewMade} preview
+   * @param {Api.OwnedPreview} preview
    * @param {string} key
    * @param {() => void} onDeleted
    */
@@ -294,7 +294,7 @@ export class PreviewCard extends Card {
 
 export class MovieLine extends Card {
   /**
-   * @param {Api.MovieMade} made
+   * @param {Api.OwnedMovie} made
    * @param {string} key
    * @param {() => void} onDeleted
    */

@@ -1,7 +1,7 @@
-"""Job: the values between the steps of a fold.
+"""Search: the values between the steps of a fold.
 
-A ``Job`` is what is known before anything is computed, a ``Result`` what has been computed of one
-attempt, a ``Search`` all attempts with the results that are still needed.
+A ``FoldSpec`` is what is known before anything is computed, a ``Result`` what has been computed of
+one attempt, a ``Search`` all attempts with the results that are still needed.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Watch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Job:
+class FoldSpec:
     """Everything that is known of a fold before it is computed.
 
     Attributes:
