@@ -1,4 +1,4 @@
-from itertools import product
+from itertools import combinations, product
 
 import mujoco
 import numpy as np
@@ -6,10 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from foldback.planner.chain.module import CUBE
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import CUBE, TETRAHEDRON
 from foldback.planner.kernels.clearance import pair_separation
+from foldback.planner.simulation.contact_finder import robot_contacts
 from foldback.planner.simulation.reduced_state import turned
-from tests.planner.chains import Array, random_rotation
+from tests.planner.chains import Array, line, random_rotation
 
 UPRIGHT = np.eye(3)
 ON_EDGE = turned(np.array([0.0, 0.0, np.pi / 4]))
@@ -79,6 +81,39 @@ def test_separation_has_the_sign_of_mujocos_distance_and_is_never_larger(
         assert our_separation <= mujocos + 1e-5
     elif our_separation < -1e-5:
         assert mujocos < 1e-5
+
+
+@pytest.mark.parametrize(
+    "chain", [line(16), Chain.from_angles(TETRAHEDRON, np.zeros(15))], ids=["cubes", "tetrahedra"]
+)
+def test_contacts_of_crowded_modules_are_those_of_mujocos_collision(chain: Chain) -> None:
+    size, n = 0.95, len(chain)
+    finder = robot_contacts(chain, geom_size=size, step_s=0.08)
+    finder.allocate(n)
+    count = 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        positions = rng.uniform(0.0, 2.6, (n, 3))
+        rotations = np.stack([random_rotation(rng) for _ in range(n)])
+        contacts = finder.find(positions, rotations)
+        assert contacts is not None
+        depths = dict[tuple[int, int], float]()
+        for modules, depth in zip(contacts.points.pairs, contacts.points.depths, strict=True):
+            pair = tuple(sorted(modules.tolist()))
+            depths[pair] = max(depth, depths.get(pair, 0.0))
+        for i, j in combinations(range(n), 2):
+            if j - i < 2:
+                continue  # linked modules may overlap
+            separation = pair_separation(
+                positions[j] - positions[i], rotations[i], rotations[j], chain.module.hull, size, 9
+            )
+            if abs(separation) > 1e-6:
+                assert (separation < 0.0) == ((i, j) in depths), (seed, i, j, separation)
+            if -0.1 < separation < -1e-6:
+                # MuJoCo prefers normals of faces, along which modules may be a little deeper.
+                assert depths[i, j] == pytest.approx(-separation, abs=1e-3)
+            count += separation < 0.0
+    assert count > 500
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 0.5))
