@@ -347,6 +347,8 @@ class Trouble(Body):
     """Problem that prevents a path through the cells."""
 
     code: str
+    values: dict[str, Any]
+    """Values that the detail names."""
     detail: str
     cells: list[list[int]]
     """Cells that cause the problem."""

@@ -279,6 +279,7 @@ declare namespace Api {
   }
   interface Trouble {
     code: string;
+    values: Record<string, unknown>;
     detail: string;
     cells: number[][];
   }

@@ -21,6 +21,7 @@ from foldback.planner.pathfinding.filled_shape import FilledShape
 from foldback.planner.pathfinding.knots import knot_of
 from foldback.planner.pathfinding.lattice import index_of, neighbours, surface
 from foldback.planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
+from foldback.planner.pathfinding.path_reasons import PathCode, PathReason
 from foldback.planner.shapes.lattice_fits import Ladder
 from foldback.planner.shapes.orientations import candidates
 from foldback.planner.shapes.separate_bodies import joined_note
@@ -124,7 +125,11 @@ def _orders(paths: tuple[FittedPath, ...]) -> list[Ints]:
 
 
 def _filled(
-    voxels: Voxels, orders: list[Ints], *, notes: tuple[str, ...] = (), not_started: str = ""
+    voxels: Voxels,
+    orders: list[Ints],
+    *,
+    notes: tuple[str, ...] = (),
+    not_started: tuple[PathReason, ...] = (),
 ) -> FilledShape:
     """Return the chains along paths of one lattice, the best first."""
     name, pitch_m = voxels.shape.name, voxels.shape.pitch_m
@@ -236,11 +241,13 @@ def _voxels(ladder: Ladder, fitted: FittedPath, modules: int) -> Voxels:
     return voxels
 
 
-def _with_ends(cells: Ints, options: PathOptions, seed: int) -> tuple[Ints | None, str]:
+def _with_ends(
+    cells: Ints, options: PathOptions, seed: int
+) -> tuple[Ints | None, tuple[PathReason, ...]]:
     """Return a path through the same cells with the requested ends; None if that is not needed.
 
     Returns:
-        The path, and the reason why none has the requested ends; empty if one has.
+        The path, and the reasons why none has the requested ends; none if one has.
     """
     start = index_of(cells, options.start)
     ends: Flags = np.ones(len(cells), dtype=np.bool_)
@@ -249,7 +256,7 @@ def _with_ends(cells: Ints, options: PathOptions, seed: int) -> tuple[Ints | Non
     for order in (cells, cells[::-1]):
         at_start = start is None or tuple(order[0].tolist()) == options.start
         if at_start and ends[[0, -1]].all():
-            return (None if order is cells else np.ascontiguousarray(order)), ""
+            return (None if order is cells else np.ascontiguousarray(order)), ()
     near = neighbours(cells)
     for attempt in range(REROUTES):
         length, path = grow(
@@ -260,7 +267,7 @@ def _with_ends(cells: Ints, options: PathOptions, seed: int) -> tuple[Ints | Non
             REROUTES * seed + attempt,
         )
         if length == len(cells):
-            return cells[path], ""
+            return cells[path], ()
     if options.start is None:
-        return None, "No path with both ends on the surface was found."
-    return None, f"No path that starts in the cell {options.start} was found."
+        return None, (PathReason.of(PathCode.NO_SURFACE_ENDS),)
+    return None, (PathReason.of(PathCode.NOT_STARTED, cell=options.start),)

@@ -9,13 +9,13 @@ import numpy as np
 from foldback.planner.arrays import Ints
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.honeycomb import TETRAHEDRA_PER_RING, ring_of, rings_with
-from foldback.planner.errors import InputError
 from foldback.planner.path_fit.fill_fitted import METHOD, whole_iou
 from foldback.planner.path_fit.fit_trail import FittedTetrahedra, fit_trail
 from foldback.planner.pathfinding.filled_shape import FilledShape
 from foldback.planner.pathfinding.knots import knot_of
 from foldback.planner.pathfinding.lattice import index_of
 from foldback.planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
+from foldback.planner.pathfinding.path_reasons import PathReason
 from foldback.planner.pathfinding.trail_search import TrailSearch, trails_through
 from foldback.planner.shapes.lattice_fits import Ladder
 from foldback.planner.shapes.orientations import candidates
@@ -71,16 +71,16 @@ def fill_with_trail(solid: Solid, options: PathOptions, *, seed: int) -> tuple[V
     )
 
 
-def _trails(shape: Shape, pairs: Ints, options: PathOptions, seed: int) -> tuple[TrailSearch, str]:
-    """Return trails, and the reason why none has the requested ends; empty if one has."""
+def _trails(
+    shape: Shape, pairs: Ints, options: PathOptions, seed: int
+) -> tuple[TrailSearch, tuple[PathReason, ...]]:
+    """Return trails, and the reasons why none has the requested ends; none if one has."""
     index = index_of(shape.cells, options.start)
     first = None if index is None else shape.cells[index]
-    try:
-        return trails_through(shape, pairs, ends=options.ends, first=first, seed=seed), ""
-    except InputError as error:
-        if error.code != "no-start":
-            raise
-        return trails_through(shape, pairs, seed=seed), error.detail
+    search = trails_through(shape, pairs, ends=options.ends, first=first, seed=seed)
+    if search.trails:
+        return search, ()
+    return trails_through(shape, pairs, seed=seed), search.reasons
 
 
 def _voxels(ladder: Ladder, fitted: FittedTetrahedra, rings: Ints, modules: int) -> Voxels:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -14,6 +13,7 @@ from foldback.planner.kernels.backbite import ease, grow
 from foldback.planner.pathfinding import Cell
 from foldback.planner.pathfinding.lattice import colours, index_of, neighbours, surface
 from foldback.planner.pathfinding.no_path_proofs import obstacles
+from foldback.planner.pathfinding.path_reasons import PathCode, PathReason
 from foldback.planner.pathfinding.sat_paths import find_path_by_sat
 from foldback.planner.shapes.shape import Shape
 
@@ -31,12 +31,12 @@ class ExactSearch:
     Attributes:
         status: ``infeasible`` is proved; ``undecided`` means that the time was up.
         cells: (n, 3) the cells in order, None when no path was found.
-        reason: One plain sentence.
+        reasons: Reasons why no path was found; empty if one was.
     """
 
     status: Literal["found", "infeasible", "undecided"]
     cells: Ints | None
-    reason: str
+    reasons: tuple[PathReason, ...] = ()
 
 
 def exact_path(
@@ -66,54 +66,36 @@ def exact_path(
     first = index_of(cells, start)
     problems = obstacles(cells)
     if problems:
-        reason = " ".join(problem.sentence for problem in problems)
-        return ExactSearch(status="infeasible", cells=None, reason=reason)
+        reasons = tuple(problem.reason for problem in problems)
+        return ExactSearch(status="infeasible", cells=None, reasons=reasons)
     ends = surface(cells) if ends_on_surface else np.ones(len(cells), dtype=np.bool_)
     refused = _refused_ends(cells, ends, first)
     if refused:
-        return ExactSearch(status="infeasible", cells=None, reason=refused)
+        reasons = (PathReason.of(refused),)
+        return ExactSearch(status="infeasible", cells=None, reasons=reasons)
     search = _Search(cells, ends, first, np.random.default_rng(seed))
     status, order = search.run(deadline)
     if order is None:
-        return ExactSearch(status=status, cells=None, reason=_REASONS[status](time_limit_s))
+        reason = PathReason.of(PathCode.NO_PATH_WITH_ENDS)
+        if status == "undecided":
+            reason = PathReason.of(PathCode.UNDECIDED, limit_s=time_limit_s)
+        return ExactSearch(status=status, cells=None, reasons=(reason,))
     if eased and len(cells) <= 600:  # every move visits all cells
         order = search.eased(order)
-    return ExactSearch(status="found", cells=cells[order], reason="A path was found.")
+    return ExactSearch(status="found", cells=cells[order])
 
 
-_REASONS: Final[dict[str, Callable[[float], str]]] = {
-    "infeasible": lambda _: (
-        "The search proved that no path with these ends visits every cell once."
-    ),
-    "undecided": lambda limit: (
-        f"No path was found in {limit:g} s, but a path may exist; give the search more time, "
-        "repair the shape, or split each cell into 2×2×2 cells."
-    ),
-}
-
-
-def _refused_ends(cells: Ints, ends: Flags, start: int | None) -> str | None:
-    """Return the reason why colours rule out such ends, or an empty text."""
+def _refused_ends(cells: Ints, ends: Flags, start: int | None) -> PathCode | None:
+    """Return the reason why colours rule out such ends, or None."""
     shades = colours(cells)
     excess = len(cells) - 2 * int(shades.sum())
     shade = 0 if excess > 0 else 1
     if start is not None and not ends[start]:
-        return (
-            "The path must start on the surface, but the start cell is inside the shape. Choose a "
-            "start cell on the surface."
-        )
+        return PathCode.START_INSIDE
     if start is not None and excess and shades[start] != shade:
-        return (
-            "Imagine the cells coloured like a chessboard. A path through an odd number of cells "
-            "must start on the colour that has more cells. The start cell has the other colour; "
-            "start in a neighbouring cell."
-        )
+        return PathCode.START_COLOUR
     if excess and int((ends & (shades == shade)).sum()) < 2:
-        return (
-            "Imagine the cells coloured like a chessboard. A path through an odd number of cells "
-            "must start and end on the colour that has more cells. Both ends must also be on the "
-            "surface, but the surface has fewer than two cells of this colour."
-        )
+        return PathCode.ENDS_COLOUR
     return None
 
 

@@ -17,12 +17,16 @@ from foldback.planner.pathfinding.block_merging import halved
 from foldback.planner.pathfinding.exact_search import exact_path
 from foldback.planner.pathfinding.lattice import colours, neighbours, parts
 from foldback.planner.pathfinding.no_path_proofs import Problem, obstacles, written
+from foldback.planner.pathfinding.path_reasons import PathCode, PathReason
 from foldback.planner.pathfinding.snake import is_box
 from foldback.planner.shapes.shape import Shape
 
 __all__ = ["Feasibility", "Problem", "Repair", "apply_repair", "feasibility", "named_cells"]
 
 Cells: TypeAlias = frozenset[Cell]
+
+PARITY_CODES: Final = (PathCode.PARITY, PathCode.UNEVEN_PART)
+"""Codes of problems that cells of one colour of a chessboard mend."""
 
 MAX_CHANGES: Final = 12
 """Number of cells that a repair (a changed shape that has a path) may add or drop in any shape;
@@ -87,13 +91,7 @@ def feasibility(shape: Shape, *, seed: int = 0, time_limit_s: float = 2.0) -> Fe
         search = exact_path(shape, time_limit_s=time_limit_s, seed=seed, eased=False)
         exists = {"found": True, "infeasible": False, "undecided": None}[search.status]
         if exists is False:
-            problems = (
-                Problem(
-                    code="no-path",
-                    detail="a complete search found no path. There is no simpler reason: the cells "
-                    "have neither too many ends nor too many of one colour.",
-                ),
-            )
+            problems = (Problem(reason=PathReason.of(PathCode.NO_PATH)),)
     if exists:
         return Feasibility(feasible=True)
     deadline = time.monotonic() + time_limit_s
@@ -118,7 +116,7 @@ def _repairs(
     """Yield verified changes, the smallest first, then doubling."""
     before = _set(shape.cells)
     bases = [before]
-    if any(problem.code == "disconnected" for problem in problems):
+    if any(problem.code is PathCode.DISCONNECTED for problem in problems):
         bases = [_bridged(shape.cells), _largest_part(shape.cells)]
     repairs = [
         repair
@@ -175,7 +173,7 @@ def _choices(now: Cells, problems: tuple[Problem, ...], adding: bool) -> list[Ce
         filled = (neighbours(cells) >= 0).sum(axis=1)
         candidates, looks = cells[filled < 6], filled[filled < 6]
     balance = int((1 - 2 * colours(cells)).sum())
-    if problems and all(problem.code == "parity" for problem in problems) and abs(balance) > 1:
+    if problems and all(problem.code in PARITY_CODES for problem in problems) and abs(balance) > 1:
         majority_colour = 0 if balance > 0 else 1
         colour = 1 - majority_colour if adding else majority_colour
         keep = colours(candidates) == colour

@@ -16,6 +16,7 @@ from foldback.planner.pathfinding.filled_shape import FilledShape
 from foldback.planner.pathfinding.knots import knot_of
 from foldback.planner.pathfinding.lattice import parts
 from foldback.planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
+from foldback.planner.pathfinding.path_reasons import PathCode, PathReason
 from foldback.planner.pathfinding.path_search import PathSearch, find_paths
 from foldback.planner.shapes.shape import Shape
 
@@ -66,10 +67,10 @@ class Cubes:
             else:
                 notes = (*notes, only_doubling(shape, state.repairs[0]))
         search: PathSearch | None = None
-        not_started = ""
+        not_started: tuple[PathReason, ...] = ()
         if state.feasible is not False:
             search, not_started = _searched(shape, method, options, seed, time_limit_s)
-            notes = (*notes, *search.notes, *((search.reason,) if search.reason else ()))
+            notes = (*notes, *(reason.text for reason in search.reasons))
         paths = () if search is None else search.paths
         return FilledShape(
             chains=tuple(Chain.from_path(path) for path in paths),
@@ -84,6 +85,7 @@ class Cubes:
             scale=float(scale),
             shift=-0.5,
             modules_per_cell=scale**3,
+            reasons=() if search is None else search.reasons,
             repaired=repaired,
         )
 
@@ -106,7 +108,7 @@ class Cubes:
             ways.append(
                 f"Use the option 'repair' to change the shape: {repair_words(shape, state)}"
             )
-        if not any(problem.code == "disconnected" for problem in state.problems):
+        if not any(problem.code is PathCode.DISCONNECTED for problem in state.problems):
             ways.append(
                 f"{'Or use' if ways else 'Use'} the method 'blocks', which splits each cell into "
                 "2×2×2 modules, so that there is always a path."
@@ -114,6 +116,7 @@ class Cubes:
         raise InputError(
             "no-path",
             " ".join(["got a shape without a path through all its cells.", *reasons, *ways]),
+            reasons=[problem.reason.as_dict() for problem in state.problems],
         )
 
 
@@ -123,8 +126,8 @@ def _in_blocks(options: PathOptions) -> bool:
 
 def _searched(
     shape: Shape, method: str, options: PathOptions, seed: int, time_limit_s: float
-) -> tuple[PathSearch, str]:
-    """Return paths from the requested start; without any, other paths and a message."""
+) -> tuple[PathSearch, tuple[PathReason, ...]]:
+    """Return paths from the requested start; without any, other paths and the reasons."""
     start_s = time.monotonic()
     share = 1.0 if options.start is None else 0.7  # the rest of the time is for other starts
     search = find_paths(
@@ -136,12 +139,12 @@ def _searched(
         time_limit_s=share * time_limit_s,
     )
     if options.start is None or search.paths:
-        return search, ""
-    reason = f"No path that starts in the cell {options.start} was found. {search.reason}".strip()
+        return search, ()
+    reason = PathReason.of(PathCode.NOT_STARTED, cell=options.start)
     remaining_s = time_limit_s - (time.monotonic() - start_s)
     return find_paths(
         shape, method=method, ends=options.ends, seed=seed, time_limit_s=max(0.5, remaining_s)
-    ), reason
+    ), (reason, *search.reasons)
 
 
 def requested_repair(shape: Shape, state: Feasibility, options: PathOptions) -> Repair | None:

@@ -11,8 +11,9 @@ from foldback.planner.pathfinding.feasibility import Feasibility, Repair, apply_
 from foldback.planner.pathfinding.filled_shape import FilledShape
 from foldback.planner.pathfinding.knots import knot_of
 from foldback.planner.pathfinding.lattice import parts
-from foldback.planner.pathfinding.no_path_proofs import Problem
+from foldback.planner.pathfinding.no_path_proofs import disconnected, tuples
 from foldback.planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
+from foldback.planner.pathfinding.path_reasons import PathReason, sentences
 from foldback.planner.pathfinding.trail_search import find_trails
 from foldback.planner.shapes.shape import Shape
 
@@ -44,18 +45,14 @@ class Tetrahedra:
             shape = apply_repair(shape, state.repairs[0])
             state = _feasibility(shape)
         chains: tuple[Chain, ...] = ()
-        not_started = ""
+        not_started: tuple[PathReason, ...] = ()
         knot = None
         cells, line = shape.cells, np.zeros((0, 3))
         if state.feasible:
-            try:
-                search = find_trails(shape, ends=options.ends, start=options.start, seed=seed)
-            except InputError as error:
-                if error.code != "no-start":
-                    raise
-                not_started = error.detail
+            search = find_trails(shape, ends=options.ends, start=options.start, seed=seed)
+            if not search.trails:
+                not_started = search.reasons
                 search = find_trails(shape, ends=options.ends, seed=seed)
-            notes = (*notes, *search.notes)
             chains = tuple(Chain.from_trail(trail) for trail in search.trails)
             nodes = search.trails[0].nodes
             knot = knot_of(nodes)
@@ -80,11 +77,12 @@ class Tetrahedra:
         """Refuse given cells without a trail."""
         state = _feasibility(shape)
         if not state.feasible and not options.repair:
-            reasons = " ".join(problem.detail for problem in state.problems)
+            reasons = [problem.reason for problem in state.problems]
             raise InputError(
                 "no-path",
-                f"got cells that no chain of tetrahedra can fill. {reasons} Use the option "
-                f"'repair' to change the shape: {state.repairs[0].as_step}",
+                f"got cells that no chain of tetrahedra can fill. {sentences(reasons)} Use the "
+                f"option 'repair' to change the shape: {state.repairs[0].as_step}",
+                reasons=[reason.as_dict() for reason in reasons],
             )
 
 
@@ -93,19 +91,12 @@ def _feasibility(shape: Shape) -> Feasibility:
     count, labels = parts(shape.cells)
     if count == 1:
         return Feasibility(feasible=True)
-    sizes = np.bincount(labels)
-    loose = shape.cells[labels != np.argmax(sizes)]
-    cells = tuple((int(x), int(y), int(z)) for x, y, z in loose)
+    loose = shape.cells[labels != np.argmax(np.bincount(labels))]
+    cells = tuples(loose, max_cells=len(loose))
     others = "cell" if len(cells) == 1 else f"{len(cells)} cells"
     return Feasibility(
         feasible=False,
-        problems=(
-            Problem(
-                code="disconnected",
-                detail=f"The cells are in {count} parts that share no face.",
-                cells=cells,
-            ),
-        ),
+        problems=(disconnected(shape.cells, labels),),
         repairs=(
             Repair(
                 detail=f"Keep the largest part and remove the other {others}.",

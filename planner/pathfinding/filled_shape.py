@@ -11,6 +11,7 @@ from foldback.planner.chain.chain import Chain
 from foldback.planner.pathfinding import Cell
 from foldback.planner.pathfinding.feasibility import Feasibility
 from foldback.planner.pathfinding.knots import Knot
+from foldback.planner.pathfinding.path_reasons import PathReason
 from foldback.planner.shapes.shape import Shape
 
 
@@ -31,8 +32,9 @@ class FilledShape:
         line: (m, 3) course of the first chain, in steps along the axes of the folded chain's space.
         knot: Knot of the first candidate; None without one.
         notes: Messages for the user.
+        reasons: Reasons why there are no chains, or only few.
         repaired: What a repair changed, as a phrase; empty without one.
-        not_started: Reason why no chain begins in the requested cell, or empty.
+        not_started: Reasons why no chain begins in the requested cell; empty if one does.
         scale, shift: Map to the folded chains' space, see above; ``shift`` is a number or (3,).
         modules_per_cell: Modules for each cell of what was voxelised.
         added: Cells that a repair for a table added, in the frame of ``cells``.
@@ -47,10 +49,11 @@ class FilledShape:
     line: Array
     knot: Knot | None
     notes: tuple[str, ...]
-    not_started: str
+    not_started: tuple[PathReason, ...]
     scale: float
     shift: float | Array
     modules_per_cell: int
+    reasons: tuple[PathReason, ...] = ()
     repaired: str = ""
     added: tuple[Cell, ...] = ()
     turn: Array = field(default_factory=lambda: np.eye(3))

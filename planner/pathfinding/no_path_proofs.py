@@ -11,13 +11,14 @@ import numpy as np
 from foldback.planner.arrays import Ints
 from foldback.planner.chain.path import MIN_CELLS
 from foldback.planner.pathfinding import Cell
-from foldback.planner.pathfinding.end_proofs import PATH_ENDS, EndProof, end_proof
+from foldback.planner.pathfinding.end_proofs import end_proof
 from foldback.planner.pathfinding.lattice import colours, neighbours, parts
+from foldback.planner.pathfinding.path_reasons import PathCode, PathReason
 
 MAX_NAMED_CELLS: Final = 200
 """Maximum number of cells that the report of a shape without a path lists as the cause of one
 problem; further ones are left out. Sets that need too many ends are listed whole."""
-COUNTED: Final = ("dead-ends", "cut-cells", "ends")
+COUNTED: Final = (PathCode.DEAD_ENDS, PathCode.CUT_CELLS, PathCode.ARMS, PathCode.ENDS)
 """Codes of the problems whose cells a reader needs to check them by counting."""
 
 
@@ -26,23 +27,25 @@ class Problem:
     """Proof that there is no path.
 
     Attributes:
-        code: ``too-few``, ``disconnected``, ``parity``, ``dead-ends``, ``cut-cells``, ``ends``
-            (``planner.pathfinding.end_proofs``) or ``no-path``.
-        detail: One sentence: the observation and the need of a path.
+        reason: The observation and the need of a path.
         cells: Affected cells, at most ``MAX_NAMED_CELLS``; of ``ends`` all, so that the proof can
             be checked by counting.
         amount: Severity, roughly the cells by which a path is missed; larger is worse.
     """
 
-    code: str
-    detail: str
+    reason: PathReason
     cells: tuple[Cell, ...] = ()
     amount: int = 1
 
     @property
+    def code(self) -> PathCode:
+        """Code of the reason."""
+        return self.reason.code
+
+    @property
     def sentence(self) -> str:
-        """The detail; with its cells where they are few and a reader needs them to check it."""
-        text = f"{self.detail[:1].upper()}{self.detail[1:]}"
+        """The reason; with its cells where they are few and a reader needs them to check it."""
+        text = self.reason.sentence
         if self.code not in COUNTED or not 0 < len(self.cells) <= 8:
             return text
         subject = "The cells are" if len(self.cells) > 1 else "The cell is"
@@ -69,33 +72,21 @@ def _obstacles(cells: Ints) -> Iterator[Problem]:
     n = len(cells)
     if n < MIN_CELLS:
         yield Problem(
-            code="too-few",
-            detail=f"got {n} cell{'s' * (n != 1)}, expected at least {MIN_CELLS}.",
+            reason=PathReason.of(PathCode.TOO_FEW, count=n, minimum=MIN_CELLS),
             cells=tuples(cells),
             amount=MIN_CELLS - n,
         )
         return
     count, labels = parts(cells)
     if count > 1:
-        sizes = np.bincount(labels)
-        largest = int(np.argmax(sizes))
-        yield Problem(
-            code="disconnected",
-            detail=f"the cells are in {count} parts that share no face; the largest has "
-            f"{sizes[largest]} of {n} cells, and a chain cannot cross the gaps.",
-            cells=tuples(cells[labels != largest]),
-            amount=1000 * (count - 1),
-        )
+        yield disconnected(cells, labels)
         return
     balance = 1 - 2 * colours(cells)
     excess = abs(int(balance.sum()))
     if excess > 1:
         black = (n + excess) // 2
         yield Problem(
-            code="parity",
-            detail="if the cells are coloured like a chessboard, "
-            f"{black} are black and {n - black} are white; a path alternates between the colours, "
-            "so the two numbers may differ by at most one.",
+            reason=PathReason.of(PathCode.PARITY, black=black, white=n - black),
             cells=tuples(cells[balance == np.sign(balance.sum())]),
             amount=excess - 1,
         )
@@ -103,13 +94,32 @@ def _obstacles(cells: Ints) -> Iterator[Problem]:
     dead = np.flatnonzero((near >= 0).sum(axis=1) == 1)
     if len(dead) > 2:
         yield Problem(
-            code="dead-ends",
-            detail=f"{len(dead)} cells have only one neighbour. Such a cell must be an end of the "
-            "path, and a path has two ends, so at most two such cells are possible.",
+            reason=PathReason.of(PathCode.DEAD_ENDS, count=len(dead)),
             cells=tuples(cells[dead]),
             amount=len(dead) - 2,
         )
     yield from _cut_cells(cells, near, balance)
+
+
+def disconnected(cells: Ints, labels: Ints) -> Problem:
+    """Return the proof for cells in several parts.
+
+    Args:
+        cells: (n, 3) the cells.
+        labels: (n,) number of each cell's part, from ``lattice.parts``.
+    """
+    sizes = np.bincount(labels)
+    largest = int(np.argmax(sizes))
+    return Problem(
+        reason=PathReason.of(
+            PathCode.DISCONNECTED,
+            parts=len(sizes),
+            largest=int(sizes[largest]),
+            count=len(cells),
+        ),
+        cells=tuples(cells[labels != largest]),
+        amount=1000 * (len(sizes) - 1),
+    )
 
 
 def tuples(cells: Ints, max_cells: int = MAX_NAMED_CELLS) -> tuple[Cell, ...]:
@@ -123,19 +133,14 @@ def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
     if split:
         part_count = max(len(pieces.sums[cell]) for cell in split)
         yield Problem(
-            code="cut-cells",
-            detail=f"without one of its cells, the shape falls into {part_count} parts. A path "
-            "passes this cell only once, so it can visit at most two of these parts.",
+            reason=PathReason.of(PathCode.CUT_CELLS, parts=part_count),
             cells=tuples(cells[sorted(split)]),
             amount=sum(_beyond_two(pieces.sizes[cell]) for cell in split),
         )
     branching = {piece: cuts for piece, cuts in enumerate(pieces.cuts) if len(cuts) > 2}
     if branching:
         yield Problem(
-            code="cut-cells",
-            detail=f"one part of the shape has {max(map(len, branching.values()))} arms, each "
-            "attached to this part by a single cell. A path cannot return from an arm, so it can "
-            "visit at most two arms: one at its start, one at its end.",
+            reason=PathReason.of(PathCode.ARMS, arms=max(map(len, branching.values()))),
             cells=tuples(cells[sorted({cell for cuts in branching.values() for cell in cuts})]),
             amount=sum(_beyond_two(pieces.arms[piece]) for piece in branching),
         )
@@ -149,10 +154,7 @@ def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
     ]
     if uneven:
         yield Problem(
-            code="parity",
-            detail="one part of the shape is connected to the rest by a single cell. If "
-            "the cells are coloured like a chessboard, this part has too many cells of one "
-            "colour. A path alternates between the two colours, so it cannot visit all cells.",
+            reason=PathReason.of(PathCode.UNEVEN_PART),
             cells=tuples(cells[sorted(cell for cell, _ in uneven)]),
             amount=max(amount for _, amount in uneven),
         )
@@ -165,28 +167,17 @@ def _ends(cells: Ints) -> Iterator[Problem]:
     proof = end_proof(neighbours(cells), 1 - 2 * colours(cells))
     if proof is not None:
         yield Problem(
-            code="ends",
-            detail=_ends_detail(proof),
+            reason=PathReason.of(
+                PathCode.ENDS,
+                count=len(proof.members),
+                around=proof.around,
+                places=proof.places,
+                needed=proof.needed,
+                allowed=proof.allowed,
+            ),
             cells=tuples(cells[proof.members], max_cells=len(proof.members)),
             amount=proof.missed,
         )
-
-
-def _ends_detail(proof: EndProof) -> str:
-    count, needed = len(proof.members), proof.needed
-    ends = f"{needed} end{'s' * (needed != 1)}"
-    limit = "A path has only two ends."
-    if proof.allowed < PATH_ENDS:
-        limit = (
-            "But a path alternates between the two colours of a chessboard, and because of the "
-            f"numbers of both, {('no end', 'only one end')[proof.allowed]} can have their colour."
-        )
-    return (
-        f"{count} cells, of which no two touch, share faces with only {proof.around} others. A "
-        f"path joins each of the {count} to two of those, unless it ends there: {2 * count} "
-        f"links. There is room for {proof.places}: one on each shared face, at most two on each "
-        f"of the {proof.around}. So {ends} of the path would lie among the {count} cells. {limit}"
-    )
 
 
 def _beyond_two(sizes: list[int]) -> int:

@@ -21,6 +21,8 @@ from foldback.planner.pathfinding.exact_search import exact_path
 from foldback.planner.pathfinding.knots import knot_of
 from foldback.planner.pathfinding.lattice import index_of, parts, spread, spreads_of_cuts, surface
 from foldback.planner.pathfinding.loose_block_merging import loose_block_cycle
+from foldback.planner.pathfinding.no_path_proofs import disconnected
+from foldback.planner.pathfinding.path_reasons import PathCode, PathReason
 from foldback.planner.pathfinding.removal_analysis import analyse_removal
 from foldback.planner.pathfinding.snake import is_box, snake_path
 from foldback.planner.shapes.shape import Shape
@@ -34,11 +36,6 @@ ones)."""
 MAX_KNOT_CELLS: Final = 10_000
 """Maximum number of cells or tetrahedra of a path that is tested for a knot, which would keep the
 chain from unfolding."""
-NO_ASSEMBLY: Final = (
-    "The search found no path along which the modules can leave the shape one after another. It "
-    "finds such paths for boxes, for shapes made of 2×2×2 blocks, and for shapes whose layers each "
-    "have one part. Use the method 'blocks' or 'exact', or choose other ends of the chain."
-)
 MAX_CHOICE_MODULES: Final = 20_000
 """Maximum number of cells or tetrahedra of a shape for which several paths are made, to choose the
 best; larger shapes get one."""
@@ -51,14 +48,12 @@ class PathSearch:
     Attributes:
         paths: Paths, the best first; empty if none was found.
         method: Method that found them: ``assembly``, ``blocks``, ``exact`` or ``snake``.
-        reason: Message without paths; else empty.
-        notes: Further messages.
+        reasons: Reasons why there are no paths, or only few.
     """
 
     paths: tuple[Path, ...]
     method: str
-    reason: str = ""
-    notes: tuple[str, ...] = ()
+    reasons: tuple[PathReason, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,16 +116,21 @@ def find_paths(
     if method == ASSEMBLY or (method == "auto" and len(shape) >= LONG_CHAIN):
         paths = list(_assembled(shape, options, coarse))
         if paths or method == ASSEMBLY:
-            return _search(shape, paths, candidates, ASSEMBLY, NO_ASSEMBLY, order=_by_peeling)
+            reason = PathReason.of(PathCode.NO_ASSEMBLY)
+            return _search(shape, paths, candidates, ASSEMBLY, reason, order=_by_peeling)
     if method == "snake" or (method == "auto" and box):
         paths = list(_snakes(shape, options)) if box else []
         if paths or method == "snake":
-            return _search(shape, paths, candidates, "snake", _no_snake(box))
+            reason = PathReason.of(PathCode.SNAKE_START if box else PathCode.NO_BOX)
+            return _search(shape, paths, candidates, "snake", reason)
     if method == "blocks" or (method == "auto" and len(shape) % 8 == 0):
-        connected = parts(shape.cells)[0] == 1
-        paths = list(_blocks(shape, options, coarse)) if connected else []
+        count, labels = parts(shape.cells)
+        paths = list(_blocks(shape, options, coarse)) if count == 1 else []
         if paths or method == "blocks":
-            return _search(shape, paths, candidates, "blocks", _no_blocks(connected))
+            reason = PathReason.of(PathCode.NO_BLOCKS)
+            if count > 1:
+                reason = disconnected(shape.cells, labels).reason
+            return _search(shape, paths, candidates, "blocks", reason)
     return _exact(shape, options, candidates)
 
 
@@ -139,7 +139,7 @@ def _search(
     cell_lists: list[Ints],
     candidates: int,
     method: str,
-    reason: str,
+    reason: PathReason,
     *,
     order: Callable[[Ints], tuple[Any, ...]] | None = None,
 ) -> PathSearch:
@@ -147,7 +147,7 @@ def _search(
         Path.from_cells(cells, name=shape.name, pitch_m=shape.pitch_m)
         for cells in ranked(cell_lists, order)[:candidates]
     )
-    return PathSearch(paths=paths, method=method, reason="" if paths else reason)
+    return PathSearch(paths=paths, method=method, reasons=() if paths else (reason,))
 
 
 def ranked(paths: list[Ints], order: Callable[[Ints], tuple[Any, ...]] | None = None) -> list[Ints]:
@@ -213,15 +213,6 @@ def _turned_to(path: Ints, start: Ints, low: Ints, sides: tuple[int, int, int]) 
     return np.where(start == low, path, mirrored)
 
 
-def _no_snake(box: bool) -> str:
-    if box:
-        return "A snake starts in a corner of its box; start in a corner or use another method."
-    return (
-        "The method 'snake' needs cells that fill a box, but the cells of this shape do not. Use "
-        "the method 'blocks' or 'exact'."
-    )
-
-
 def _blocks(shape: Shape, options: _Options, coarse: tuple[Ints, Ints] | None) -> Iterator[Ints]:
     loose = None if coarse else frozenset((x, y, z) for x, y, z in shape.cells.tolist())
     for attempt in range(options.tries):
@@ -254,16 +245,6 @@ def _opened(cycle: Ints, options: _Options) -> Ints | None:
     return np.ascontiguousarray(min(fitting, key=lambda way: way[0])[1]) if fitting else None
 
 
-def _no_blocks(connected: bool) -> str:
-    if not connected:
-        return "The cells form several parts that share no face; keep one part or join them."
-    return (
-        "The method 'blocks' found no path. Either the shape is not made of 2×2×2 blocks of cells, "
-        "or the chosen ends are not possible. Split each cell into 2×2×2 cells, "
-        "choose other ends, or use the method 'exact'."
-    )
-
-
 def _exact(shape: Shape, options: _Options, candidates: int) -> PathSearch:
     paths: list[Ints] = []
     outside = options.ends == "surface"
@@ -282,14 +263,15 @@ def _exact(shape: Shape, options: _Options, candidates: int) -> PathSearch:
             paths.append(search.cells)
             outside = True  # better where it can be had
         elif not paths:
-            return PathSearch(paths=(), method="exact", reason=search.reason)
+            return PathSearch(paths=(), method="exact", reasons=search.reasons)
         elif options.ends == "surface":
             break
         else:
             outside = False
-    result = _search(shape, paths, candidates, "exact", "No path was found within the time limit.")
+    too_late = PathReason.of(PathCode.TIME_LIMIT)
+    result = _search(shape, paths, candidates, "exact", too_late)
     path_count = min(candidates, options.tries)
     if result.paths and len(paths) < path_count:
-        note = f"Only {len(paths)} of {path_count} paths were found within the time limit."
-        return replace(result, notes=(*result.notes, note))
+        few = PathReason.of(PathCode.FEW_PATHS, paths=len(paths), requested=path_count)
+        return replace(result, reasons=(few,))
     return result

@@ -7,12 +7,13 @@ from typing import Final
 
 import numpy as np
 
-from foldback.planner.arrays import Ints
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.path import Path
 from foldback.planner.errors import InputError
 from foldback.planner.pathfinding import Cell
 from foldback.planner.pathfinding.lattice import index_of
+from foldback.planner.pathfinding.no_path_proofs import tuples
+from foldback.planner.pathfinding.path_reasons import PathCode, PathReason
 
 CELL_TEXT: Final = r"\s*-?\d{1,6}\s*,\s*-?\d{1,6}\s*,\s*-?\d{1,6}\s*"
 
@@ -32,7 +33,7 @@ def parse_cell(text: str) -> Cell:
     return x, y, z
 
 
-def starting_at(chain: Chain, start: Cell | None) -> tuple[Chain, str]:
+def starting_at(chain: Chain, start: Cell | None) -> tuple[Chain, tuple[PathReason, ...]]:
     """Return a chain that begins in a cell, if that leaves its links as they are.
 
     It can be run through from either end, and one whose ends touch is a ring that can be cut
@@ -43,35 +44,25 @@ def starting_at(chain: Chain, start: Cell | None) -> tuple[Chain, str]:
         start: The cell, None for any.
 
     Returns:
-        The chain that begins there and an empty text, or the unchanged chain and a reason.
+        The chain that begins there and no reason, or the unchanged chain and the reason.
 
     Raises:
         InputError: ``not-a-cell``: the chain has no module there.
     """
     if start is None:
-        return chain, ""
+        return chain, ()
     if not chain.module.fills_cell:
-        return (
-            chain,
-            "The file gives the order of the modules, so the chain's start cannot be chosen.",
-        )
+        return chain, (PathReason.of(PathCode.GIVEN_MODULES),)
     cells = np.rint(chain.folded_poses.positions).astype(np.int64)
     at = index_of(cells, start)
     if not at:
-        return chain, ""
+        return chain, ()
     if at == len(cells) - 1:
         turned = cells[::-1]
     elif int(np.abs(cells[0] - cells[-1]).sum()) == 1:
         turned = np.roll(cells, -at, axis=0)
     else:
-        return chain, (
-            "The file gives the order of the cells, so the chain can start in "
-            f"{_words(cells[0])} or {_words(cells[-1])}, but not in {_words(cells[at])}. Read the "
-            "cells as voxels to find other paths."
-        )
+        ends = tuples(cells[[0, -1]])
+        return chain, (PathReason.of(PathCode.GIVEN_CELLS, ends=ends, cell=start),)
     path = Path.from_cells(turned, name=chain.name, pitch_m=chain.pitch_m)
-    return Chain.from_path(path, module=chain.module), ""
-
-
-def _words(cell: Ints) -> str:
-    return "({}, {}, {})".format(*cell.tolist())
+    return Chain.from_path(path, module=chain.module), ()

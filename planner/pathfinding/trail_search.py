@@ -14,6 +14,7 @@ from foldback.planner.pathfinding import Cell
 from foldback.planner.pathfinding.eulerian_circuits import cut_open, eulerian_circuit, free_cuts
 from foldback.planner.pathfinding.knots import knot_of
 from foldback.planner.pathfinding.lattice import index_of, parts
+from foldback.planner.pathfinding.path_reasons import PathCode, PathReason
 from foldback.planner.pathfinding.path_search import MAX_CHOICE_MODULES, MAX_KNOT_CELLS
 from foldback.planner.shapes.shape import Shape
 
@@ -24,11 +25,11 @@ class TrailSearch:
 
     Attributes:
         trails: Trails, the best first.
-        notes: Further messages.
+        reasons: Reasons why there are none with the requested ends.
     """
 
     trails: tuple[Trail, ...]
-    notes: tuple[str, ...] = ()
+    reasons: tuple[PathReason, ...] = ()
 
 
 def find_trails(
@@ -50,7 +51,7 @@ def find_trails(
 
     Raises:
         InputError: ``no-trail`` when the cells are in several parts, ``not-a-cell`` for a start
-            that is not among them, ``no-start`` when no end of that ring is on the surface.
+            that is not among them.
     """
     first = index_of(shape.cells, start)
     if parts(shape.cells)[0] > 1:
@@ -76,7 +77,7 @@ def trails_through(
         seed: Seed of all random choices.
 
     Raises:
-        InputError: ``no-trail`` for pairs in several parts, ``no-start`` as in ``find_trails``.
+        InputError: ``no-trail`` for pairs in several parts.
     """
     trail_count = 4 if len(pairs) <= MAX_CHOICE_MODULES else 1
     ranked_trails: dict[bytes, tuple[tuple[int, int, int], Trail]] = {}
@@ -85,8 +86,13 @@ def trails_through(
         along = np.random.default_rng((seed, k)).normal(size=3) if k else None
         nodes = eulerian_circuit(pairs, along)
         free = free_cuts(nodes)
-        allowed = _cuts(nodes, free, first, ends)
-        cut = _best_cut(nodes, allowed)
+        allowed = _cuts(nodes, first)
+        if ends == "surface" and not (allowed & free).any():
+            reason = PathReason.of(PathCode.START_SHARES_HINGES)
+            return TrailSearch(trails=(), reasons=(reason,))
+        if (allowed & free).any():
+            allowed &= free
+        cut = _best_cut(nodes, np.flatnonzero(allowed))
         trail = Trail.from_nodes(cut_open(nodes, cut), name=shape.name, pitch_m=0.5 * shape.pitch_m)
         knotted = 0
         if len(trail) <= MAX_KNOT_CELLS:
@@ -97,22 +103,13 @@ def trails_through(
     return TrailSearch(trails=tuple(trail for _, trail in ranked))
 
 
-def _cuts(nodes: Ints, free: Flags, first: Ints | None, ends: str) -> Ints:
-    """Return (k,) modules before which the circuit may be cut; free ones if there are any."""
-    allowed = np.ones(len(nodes) - 1, dtype=bool)
-    if first is not None:
-        own_pairs = ring_pairs(first[None]).sum(axis=1)
-        sums = nodes[:-1] + nodes[1:]
-        allowed = (sums[:, None, :] == own_pairs[None]).all(axis=2).any(axis=1)
-    if (allowed & free).any():
-        allowed &= free
-    elif ends == "surface":
-        raise InputError(
-            "no-start",
-            "the chain must start on the surface, but the start cell shares all its hinges with "
-            "other cells; start in another cell.",
-        )
-    return np.flatnonzero(allowed)
+def _cuts(nodes: Ints, first: Ints | None) -> Flags:
+    """Return (k,) True for modules before which the circuit may be cut."""
+    if first is None:
+        return np.ones(len(nodes) - 1, dtype=np.bool_)
+    own_pairs = ring_pairs(first[None]).sum(axis=1)
+    sums = nodes[:-1] + nodes[1:]
+    return (sums[:, None, :] == own_pairs[None]).all(axis=2).any(axis=1)
 
 
 def _best_cut(nodes: Ints, allowed: Ints) -> int:

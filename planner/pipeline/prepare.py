@@ -16,6 +16,7 @@ from foldback.planner.errors import InputError
 from foldback.planner.pathfinding import PATH_METHODS
 from foldback.planner.pathfinding.knots import Knot, knot_of
 from foldback.planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
+from foldback.planner.pathfinding.path_reasons import PathReason, sentences
 from foldback.planner.pathfinding.snake import is_box
 from foldback.planner.pathfinding.start_cell import starting_at
 from foldback.planner.plan.prepared_chains import PreparedChains
@@ -68,7 +69,7 @@ class Preparation:
         feasibility: Result of the check for a path; None for paths and chains.
         knot: Knot of the first candidate; None without one.
         notes: Notes for people.
-        not_started: Reason why no chain starts in the requested cell; empty if they do, or if none
+        not_started: Reasons why no chain starts in the requested cell; empty if they do, or if none
             was requested.
         filled: Cells and their modules; None for paths and chains.
         likenesses: Likeness of each chain to the whole input, without chains that of the cells;
@@ -89,7 +90,7 @@ class Preparation:
     feasibility: Feasibility | None = None
     knot: Knot | None = None
     notes: tuple[str, ...] = field(default=())
-    not_started: str = ""
+    not_started: tuple[PathReason, ...] = ()
     filled: FilledShape | None = None
     likenesses: tuple[Likeness, ...] = ()
     reach: Mapping[float, int | None] = field(default_factory=dict[float, int | None])
@@ -120,7 +121,11 @@ class Preparation:
         """
         if self.not_started:
             remedy = "Choose another start cell, or let foldback choose it."
-            raise InputError("no-start", f"{self.not_started} {remedy}")
+            raise InputError(
+                "no-start",
+                f"{sentences(self.not_started)} {remedy}",
+                reasons=[reason.as_dict() for reason in self.not_started],
+            )
         if self.chains:
             return self.chains[0]
         problems = [] if self.feasibility is None else list(self.feasibility.problems)
@@ -137,7 +142,12 @@ class Preparation:
                 "no path along which a chain can fold on a table was found through these cells"
             )
         problem += f". {causes}" if causes else "."
-        raise InputError("no-path", problem + remedy)
+        reasons = [cause.reason for cause in problems]
+        if not reasons and self.filled is not None:
+            reasons = self.filled.reasons
+        raise InputError(
+            "no-path", problem + remedy, reasons=[reason.as_dict() for reason in reasons]
+        )
 
     def _nearest_on_table(self) -> str:
         """Return a sentence on the nearest cells or number with a path for a table, or nothing."""
@@ -220,7 +230,7 @@ class Preparation:
             "added": [] if self.filled is None else [list(cell) for cell in self.filled.added],
             "as_voxels": self.options.as_voxels,
             "start": None if self.options.start is None else list(self.options.start),
-            "not_started": self.not_started,
+            "not_started": sentences(self.not_started),
             "module": self.chains[0].module.name if self.chains else self.options.module,
             **(self._meshes() if full else {"mesh": None, "missing": None}),
             **(self._modules() if full else {}),
@@ -501,7 +511,7 @@ def check_for_table(chain: Chain) -> None:
         )
     faults = rule_violations(np.rint(chain.folded_poses.positions).astype(np.int64))
     if faults:
-        fault_text = " ".join(fault.detail for fault in faults[:MAX_LISTED_VIOLATIONS])
+        fault_text = " ".join(fault.reason.text for fault in faults[:MAX_LISTED_VIOLATIONS])
         if further := len(faults[MAX_LISTED_VIOLATIONS:]):
             fault_text += f" The path has {further} more problem{'' if further == 1 else 's'}."
         raise InputError(
@@ -509,6 +519,7 @@ def check_for_table(chain: Chain) -> None:
             f"got a path along which a chain cannot fold on a table: {fault_text} "
             "Expected a path that rises layer by layer; read the cells as voxels to find such a "
             "path.",
+            reasons=[fault.reason.as_dict() for fault in faults[:MAX_LISTED_VIOLATIONS]],
         )
 
 
@@ -798,8 +809,12 @@ def _feasibility(state: Feasibility, shape: Shape) -> dict[str, Any]:
     return {
         "feasible": state.feasible,
         "problems": [
-            {"code": p.code, "detail": p.detail, "cells": [list(map(int, c)) for c in p.cells]}
-            for p in state.problems
+            {
+                **problem.reason.as_dict(),
+                "detail": problem.reason.text,
+                "cells": [list(map(int, cell)) for cell in problem.cells],
+            }
+            for problem in state.problems
         ],
         "repairs": [
             {

@@ -6,7 +6,6 @@ import numpy as np
 
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.path import Path
-from foldback.planner.errors import InputError
 from foldback.planner.pathfinding import Cell
 from foldback.planner.pathfinding.block_merging import halved
 from foldback.planner.pathfinding.feasibility import Feasibility, Problem
@@ -26,7 +25,7 @@ from foldback.planner.table_paths.mending import (
 from foldback.planner.table_paths.no_table_path_proofs import (
     NoPath,
     closest,
-    most_telling,
+    no_path_error,
     ruled_out,
 )
 from foldback.planner.table_paths.table_paths import paths_or_reasons
@@ -77,7 +76,7 @@ class TableCubes:
             line=cells.astype(np.float64) if paths else np.zeros((0, 3)),
             knot=knot_of(cells) if paths else None,
             notes=notes,
-            not_started="",
+            not_started=(),
             scale=2.0 if doubles else 1.0,
             shift=np.asarray(shift - turn @ np.full(3, 0.5), dtype=np.float64),
             modules_per_cell=BLOCK_CELLS if doubles else 1,
@@ -99,8 +98,7 @@ class TableCubes:
         reasons = [ruled_out(side) for side in sides_of(shape.cells)]
         proved = tuple(reason for reason in reasons if reason is not None and not reason.may_fall)
         if len(proved) == len(reasons):
-            code, detail = most_telling(proved)
-            raise InputError(code, f"{detail}{nearest_words(shape.cells)}")
+            raise no_path_error(proved, nearest_words(shape.cells))
 
 
 def _doubles(shape: Shape, options: PathOptions, *, of_solid: bool) -> bool:
@@ -116,5 +114,5 @@ def _why_none(shape: Shape, reasons: tuple[NoPath, ...]) -> Feasibility:
     cells = tuple((int(x), int(y), int(z)) for x, y, z in (lying - side.shift) @ side.turn)
     return Feasibility(
         feasible=None,
-        problems=(Problem(code=reason.cause or reason.code, detail=reason.detail, cells=cells),),
+        problems=(Problem(reason=reason.reason, cells=cells),),
     )

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
 
 from foldback.planner.arrays import Ints
+from foldback.planner.errors import InputError
 from foldback.planner.pathfinding import Cell
 from foldback.planner.pathfinding.lattice import parts
 from foldback.planner.pathfinding.no_path_proofs import obstacles, tuples
+from foldback.planner.pathfinding.path_reasons import PathCode, PathReason
 from foldback.planner.table_paths.ascending_sat_paths import find_ascending_path
 from foldback.planner.table_paths.base_sides import (
     MIN_BALANCE_MARGIN_PITCH,
@@ -50,25 +52,23 @@ class NoPath:
             falls into parts, which a path that never goes down cannot all visit;
             ``hairpins-only``: all paths turn back above themselves; ``not-stable``: it tips over;
             ``no-path``.
-        detail: One sentence: the observation and the need of a chain.
+        reason: The observation and the need of a chain.
         remedy: Advice.
         cells: Affected cells, as the shape lies on that side.
         may_fall: True if a descending path may still exist.
-        cause: Code of the ``Problem`` behind ``no-path``, empty without one.
     """
 
     down: str
     code: Code
-    detail: str
+    reason: PathReason
     remedy: str = NO_TABLE_PATH_REMEDY
     cells: tuple[Cell, ...] = ()
     may_fall: bool = False
-    cause: str = ""
 
     @property
     def text(self) -> str:
-        """Text of side, detail and remedy."""
-        return f"with its {SIDE_NAMES[self.down]} side down: {self.detail} {self.remedy}"
+        """Text of side, reason and remedy."""
+        return f"with its {SIDE_NAMES[self.down]} side down: {self.reason.text} {self.remedy}"
 
 
 def ruled_out(side: Side) -> NoPath | None:
@@ -76,24 +76,22 @@ def ruled_out(side: Side) -> NoPath | None:
     cells = side.cells
     problems = obstacles(cells)
     if problems:
-        problem = problems[0]
-        reason = _no_path(side, "no-path", problem.detail, problem.cells)
-        return replace(reason, cause=problem.code)
+        return _no_path(side, "no-path", problems[0].reason, problems[0].cells)
     floor = cells[cells[:, 2] == 0]
     if len(floor) == 1:
-        detail = "only one cell touches the floor, but the first two modules must lie on the floor."
-        return _no_path(side, "no-path", detail, tuples(floor), remedy=LAY)
+        reason = PathReason.of(PathCode.ONE_FLOOR_CELL)
+        return _no_path(side, "no-path", reason, tuples(floor), remedy=LAY)
     margin = stands(cells)
     if margin < MIN_BALANCE_MARGIN_PITCH:
-        return _tipping(side, margin, "the shape", floor)
+        return _tipping(side, margin, floor)
     for height in range(int(cells[:, 2].max()) + 1):
         layer = cells[cells[:, 2] == height]
-        reason = _of_layer(side, layer, height)
-        if reason is not None:
-            return reason
+        no_path = _of_layer(side, layer, height)
+        if no_path is not None:
+            return no_path
         margin = stands(cells[cells[:, 2] <= height])
         if margin < MIN_BALANCE_MARGIN_PITCH:
-            return _tipping(side, margin, _lowest_layers(height + 1), layer)
+            return _tipping(side, margin, layer, layers=height + 1)
     return None
 
 
@@ -104,20 +102,16 @@ def unsolved(side: Side, seed: int) -> tuple[Ints | None, NoPath | None]:
         faults = rule_violations(side.cells[search.order])
         if not faults:
             return search.order, None
-        detail = f"the search found a path, but the chain cannot follow it: {faults[0].detail}"
-        return None, _no_path(side, "not-stable", detail, faults[0].cells)
+        reason = faults[0].reason.with_values(found=True)
+        return None, _no_path(side, "not-stable", reason, faults[0].cells)
     if search.status == "undecided":
-        detail = (
-            "the search found no path that starts on the floor and never goes down, but such a "
-            "path may exist."
-        )
-        return None, _no_path(side, "no-path", detail, may_fall=True)
+        reason = PathReason.of(PathCode.UNDECIDED_ON_TABLE)
+        return None, _no_path(side, "no-path", reason, may_fall=True)
     free = find_ascending_path(side.cells, seed=seed, hairpins_allowed=True)
     if free.status == "found":
-        return None, _hairpins_only(side, "every path that starts on the floor and never goes down")
-    found_none = "proved that there is no" if free.status == "infeasible" else "found no"
-    detail = f"the search {found_none} path that starts on the floor and never goes down."
-    return None, _no_path(side, "no-path", detail, may_fall=True)
+        return None, _hairpins_only(side, falls=False)
+    reason = PathReason.of(PathCode.NO_ASCENDING_PATH, proved=free.status == "infeasible")
+    return None, _no_path(side, "no-path", reason, may_fall=True)
 
 
 def falling(side: Side, seed: int, *, effort: float) -> tuple[Ints | None, NoPath | None]:
@@ -140,9 +134,7 @@ def falling(side: Side, seed: int, *, effort: float) -> tuple[Ints | None, NoPat
             side.cells, seed=seed, downs=True, hairpins_allowed=True, effort=effort
         )
         if free.status == "found":
-            return None, _hairpins_only(
-                side, "every path that starts flat on the floor, even if it goes down in between,"
-            )
+            return None, _hairpins_only(side, falls=True)
     return None, None
 
 
@@ -152,17 +144,25 @@ def closest(reasons: tuple[NoPath, ...]) -> NoPath:
     return min(reasons, key=lambda reason: ranks.get(reason.code, 1))
 
 
-def most_telling(reasons: tuple[NoPath, ...]) -> tuple[str, str]:
-    """Return code and detail without any path: of the closest side, and codes of the rest."""
+def no_path_error(reasons: tuple[NoPath, ...], advice: str = "") -> InputError:
+    """Return the error of a shape without any path, in the words of the side that comes closest.
+
+    Args:
+        reasons: Reason of each side.
+        advice: Text after the reasons.
+    """
     first = closest(reasons)
     other_sides = [
         f" With its {SIDE_NAMES[reason.down]} side down, {SHORT_REASONS[reason.code]}."
         for reason in reasons
         if reason is not first
     ]
-    others_text = "".join(other_sides)
     prefix = "got a shape that cannot fold on a table, because it has no suitable path"
-    return first.code, f"{prefix}; {first.text}{others_text}"
+    return InputError(
+        first.code,
+        f"{prefix}; {first.text}{''.join(other_sides)}{advice}",
+        reasons=[{"down": reason.down, **reason.reason.as_dict()} for reason in reasons],
+    )
 
 
 def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
@@ -171,32 +171,21 @@ def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
         problems = obstacles(layer) if len(layer) > 2 else ()
         if not problems:
             return None
-        detail = f"layer {height + 1} from the bottom: {problems[0].detail}"
-        reason = _no_path(side, "no-path", detail, problems[0].cells, may_fall=True)
-        return replace(reason, cause=problems[0].code)
+        reason = problems[0].reason.with_values(layer=height + 1)
+        return _no_path(side, "no-path", reason, problems[0].cells, may_fall=True)
     cells = side.cells
     joined, _ = parts(cells[cells[:, 2] <= height])
     if joined > 1:
         hanging = _borne_by_nothing(cells)
-        detail = (
-            f"{len(hanging)} cell{'s' * (len(hanging) != 1)} with nothing below "
-            f"connect{'s' * (len(hanging) == 1)} {joined} separate parts; a chain that never "
-            "goes down cannot fold such a shape."
-        )
-        return _no_path(side, "overhang", detail, tuples(hanging), may_fall=True)
-    detail = (
-        f"layer {height + 1} from the bottom consists of {count} separate parts; a chain that "
-        "never goes down cannot leave a layer and come back."
-    )
-    return _no_path(side, "parts", detail, tuples(layer), may_fall=True)
+        reason = PathReason.of(PathCode.OVERHANG, count=len(hanging), parts=joined)
+        return _no_path(side, "overhang", reason, tuples(hanging), may_fall=True)
+    reason = PathReason.of(PathCode.PARTS, layer=height + 1, parts=count)
+    return _no_path(side, "parts", reason, tuples(layer), may_fall=True)
 
 
-def _hairpins_only(side: Side, subject: str) -> NoPath:
-    detail = (
-        f"{subject} turns back directly above itself at some point. On a table, a chain "
-        "cannot make such a turn."
-    )
-    return _no_path(side, "hairpins-only", detail, may_fall=True)
+def _hairpins_only(side: Side, *, falls: bool) -> NoPath:
+    reason = PathReason.of(PathCode.HAIRPINS_ONLY, falls=falls)
+    return _no_path(side, "hairpins-only", reason, may_fall=True)
 
 
 def _borne_by_nothing(cells: Ints) -> Ints:
@@ -206,32 +195,27 @@ def _borne_by_nothing(cells: Ints) -> Ints:
     return cells[np.array(hanging, dtype=np.bool_)]
 
 
-def _lowest_layers(count: int) -> str:
-    layers = "layer" if count == 1 else f"{count} layers"
-    return f"a chain folds the lowest {layers} first, and this part"
-
-
-def _tipping(side: Side, margin: float, subject: str, cells: Ints) -> NoPath:
-    detail = (
-        f"{subject} would tip over: its centre of mass is {-margin:.2g} module widths "
-        "outside its base."
-        if margin < 0
-        else f"{subject} would almost tip over: its centre of mass is {margin:.2g} module widths "
-        f"inside the edge of its base, but at least {MIN_BALANCE_MARGIN_PITCH:g} module widths are "
-        "needed."
-    )
-    return _no_path(side, "not-stable", detail, tuples(cells), remedy=LAY)
+def _tipping(side: Side, margin: float, cells: Ints, **layers: int) -> NoPath:
+    reason = PathReason.of(PathCode.TIPS_OVER, margin=margin, **layers)
+    if margin >= 0.0:
+        reason = PathReason.of(
+            PathCode.ALMOST_TIPS_OVER,
+            margin=margin,
+            min_margin=MIN_BALANCE_MARGIN_PITCH,
+            **layers,
+        )
+    return _no_path(side, "not-stable", reason, tuples(cells), remedy=LAY)
 
 
 def _no_path(
     side: Side,
     code: Code,
-    detail: str,
+    reason: PathReason,
     cells: tuple[Cell, ...] = (),
     *,
     may_fall: bool = False,
     remedy: str = NO_TABLE_PATH_REMEDY,
 ) -> NoPath:
     return NoPath(
-        down=side.down, code=code, detail=detail, remedy=remedy, cells=cells, may_fall=may_fall
+        down=side.down, code=code, reason=reason, remedy=remedy, cells=cells, may_fall=may_fall
     )

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from foldback.planner.arrays import Ints
 from foldback.planner.chain.path import Path
 from foldback.planner.pathfinding import Cell
+from foldback.planner.pathfinding.path_reasons import PathCode, PathReason
 from foldback.planner.table_paths.base_sides import MIN_BALANCE_MARGIN_PITCH, prefix_margins
 
 LAYERS: Final = "layers"
@@ -31,16 +32,19 @@ class Fault:
     """A rule that a path breaks.
 
     Attributes:
-        code: ``first-link``, ``goes-down``, ``hairpin``, ``not-stable`` or ``boxed-in``.
-        detail: One sentence: got, expected.
+        reason: The rule, with the cells that break it.
         at: Index along the path of the first affected cell.
         cells: Affected cells.
     """
 
-    code: str
-    detail: str
+    reason: PathReason
     at: int
     cells: tuple[Cell, ...]
+
+    @property
+    def code(self) -> PathCode:
+        """Code of the reason."""
+        return self.reason.code
 
 
 def rule_violations(cells: ArrayLike, *, rule: Rule = "layers") -> tuple[Fault, ...]:
@@ -94,56 +98,28 @@ def _line_free(level: Ints, cell: Ints, step: tuple[int, int]) -> bool:
     return not bool(((along > 0) & (across == 0)).any())
 
 
-def _at(cell: Ints) -> tuple[int, ...]:
-    """Return the coordinates of a cell; those of the lowest cells have z = 0."""
-    return tuple(cell.tolist())
-
-
 def _of_the_start(order: Ints) -> list[Fault]:
     if order[0, 2] == 0 and order[1, 2] == 0:
         return []
-    detail = (
-        "the path must start with two cells on the floor, but at least one of its first two cells "
-        "is higher."
-    )
-    return [Fault(code="first-link", detail=detail, at=0, cells=_named(order[:2]))]
+    return [Fault(reason=PathReason.of(PathCode.FIRST_LINK), at=0, cells=_named(order[:2]))]
 
 
 def _downs(order: Ints, rule: Rule) -> list[Fault]:
     if rule == FALLS:
-        return [
-            Fault(
-                code="boxed-in",
-                detail=f"the cell {_at(order[k])} is below an earlier cell and enclosed on all "
-                "sides, but one side must be free, so that a module can reach the cell.",
-                at=k,
-                cells=_named(order[k : k + 1]),
-            )
-            for k in boxed_in(order)
-        ]
-    return [
-        Fault(
-            code="goes-down",
-            detail=f"the path goes down from the cell {_at(order[k])} to the cell "
-            f"{_at(order[k + 1])}, but it must rise layer by layer.",
-            at=k,
-            cells=_named(order[k : k + 2]),
-        )
-        for k in np.flatnonzero(np.diff(order[:, 2]) < 0).tolist()
-    ]
+        return [_fault(PathCode.BOXED_IN, order, k, k) for k in boxed_in(order)]
+    downs = np.flatnonzero(np.diff(order[:, 2]) < 0).tolist()
+    return [_fault(PathCode.GOES_DOWN, order, k, k + 1) for k in downs]
 
 
 def _hairpins(order: Ints) -> list[Fault]:
-    return [
-        Fault(
-            code="hairpin",
-            detail=f"the path turns back directly above itself between the cells {_at(order[a])} "
-            f"and {_at(order[b])}. On a table, a chain cannot make such a turn.",
-            at=a,
-            cells=_named(order[a : b + 1]),
-        )
-        for a, b in hairpins(order)
-    ]
+    return [_fault(PathCode.HAIRPIN, order, a, b) for a, b in hairpins(order)]
+
+
+def _fault(code: PathCode, order: Ints, first: int, last: int) -> Fault:
+    """Return the fault of the cells from one index of a path to another one."""
+    cells = _named(order[first : last + 1])
+    reason = PathReason.of(code, cell=cells[0], other_cell=cells[-1])
+    return Fault(reason=reason, at=first, cells=cells)
 
 
 def _unstable(order: Ints) -> list[Fault]:
@@ -151,16 +127,13 @@ def _unstable(order: Ints) -> list[Fault]:
     if not bad:
         return []
     k = bad[0]
-    detail = (
-        f"the first {k + 1} cells of the path would tip over: their centre of mass must be at "
-        f"least {MIN_BALANCE_MARGIN_PITCH:g} module widths inside the edge of their base."
+    reason = PathReason.of(
+        PathCode.NOT_STABLE,
+        count=k + 1,
+        min_margin=MIN_BALANCE_MARGIN_PITCH,
+        further=len(bad) - 1,
     )
-    if further := len(bad) - 1:
-        detail += (
-            f" {further} longer section{'s' * (further > 1)} at the start of the path would tip "
-            "over, too."
-        )
-    return [Fault(code="not-stable", detail=detail, at=k, cells=_named(order[k : k + 1]))]
+    return [Fault(reason=reason, at=k, cells=_named(order[k : k + 1]))]
 
 
 def _named(cells: Ints) -> tuple[Cell, ...]:

@@ -4,8 +4,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from foldback.planner.errors import InputError
-from foldback.planner.table_paths.no_table_path_proofs import NoPath, most_telling
+from foldback.planner.table_paths.no_table_path_proofs import NoPath, no_path_error
 from foldback.planner.table_paths.table_paths import TablePath, paths_or_reasons
 
 
@@ -17,7 +16,7 @@ def table_paths(cells: ArrayLike, **options: Any) -> tuple[TablePath, ...]:
     """
     paths, reasons = paths_or_reasons(cells, **options)
     if not paths:
-        raise InputError(*most_telling(reasons))
+        raise no_path_error(reasons)
     return paths
 
 

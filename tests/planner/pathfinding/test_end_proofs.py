@@ -84,7 +84,7 @@ def test_refusal_counts_and_offers_the_nearest_cells() -> None:
     computed_feasibility = feasibility(shape)
     (problem,) = computed_feasibility.problems
     assert problem.code == "ends"
-    assert "3 cells, of which no two touch, share faces with only 3 others" in problem.detail
+    assert "3 cells, of which no two touch, share faces with only 3 others" in problem.reason.text
     nearest = computed_feasibility.repairs[0]
     assert not nearest.doubled and len(nearest.add) + len(nearest.drop) == 1
     assert feasibility(apply_repair(shape, nearest)).feasible

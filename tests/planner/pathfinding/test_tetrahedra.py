@@ -62,7 +62,7 @@ def test_cells_of_a_path_become_rings() -> None:
 def test_chain_of_tetrahedra_starts_in_the_requested_cell() -> None:
     preparation = prepare_chain(write_path(Path.from_cells(U)), start=(2, 1, 0), ends="surface")
     assert tuple(preparation.cells[0]) == (2, 1, 0)
-    assert preparation.not_started == ""
+    assert preparation.not_started == ()
     with refused("not-a-cell"):
         prepare_chain(write_path(Path.from_cells(U)), start=(7, 7, 7))
 

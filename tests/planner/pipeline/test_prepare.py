@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.pathfinding.path_reasons import PathCode, PathReason
 from foldback.planner.pipeline import reading
 from foldback.planner.pipeline.prepare import Preparation, prepare
 from foldback.planner.pipeline.request import FoldRequest
@@ -67,7 +68,7 @@ def test_mesh_becomes_different_chains_of_the_same_cells() -> None:
     started = prepare(CUBE_OBJ, "cube.obj", PathOptions(modules=64, start=tuple(start)))
     starts = [chain.folded_poses.positions[0].tolist() for chain in started.chains]
     assert starts == [start] * len(started.chains)
-    assert started.not_started == ""
+    assert started.not_started == ()
 
 
 def test_voxels_without_a_path_are_repaired_or_doubled_on_request() -> None:
@@ -97,7 +98,7 @@ def test_number_of_modules_out_of_range_is_refused() -> None:
 def test_start_without_a_path_gives_another_path_and_a_note() -> None:
     cells = np.argwhere(np.ones((3, 3, 3))).tolist()
     prepared = prepare(voxels(cells), "box.json", PathOptions(start=(1, 0, 0)))
-    assert "colour" in prepared.not_started
+    assert [reason.code for reason in prepared.not_started] == ["not-started", "start-colour"]
     assert prepared.report()["cells"][0] != [1, 0, 0]
     with refused("no-start", match="Choose another start"):
         _ = prepared.chain
@@ -152,6 +153,6 @@ def test_searches_that_the_clock_may_end_are_not_repeatable() -> None:
     for other_settings in (
         replace(made_preparation, method="exact"),
         replace(made_preparation, chains=()),
-        replace(made_preparation, not_started="No path starts there."),
+        replace(made_preparation, not_started=(PathReason.of(PathCode.NO_SURFACE_ENDS),)),
     ):
         assert not other_settings.repeatable

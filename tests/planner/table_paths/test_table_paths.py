@@ -129,7 +129,8 @@ def test_parity_of_a_layer_is_a_reason() -> None:
     (side,) = sides_of(np.concatenate([comb, comb + (0, 0, 1)]).astype(np.int64), turned=False)
     reason = ruled_out(side)
     assert (
-        reason is not None and "layer 1 from the bottom: if the cells are coloured" in reason.detail
+        reason is not None
+        and "layer 1 from the bottom: if the cells are coloured" in reason.reason.text
     )
 
 

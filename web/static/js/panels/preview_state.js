@@ -30,6 +30,7 @@ const RESHAPING = new Set(["module", "modules", "method", "world", "repair", "se
 const ODD = {
   parity: "cells of the more common colour in a chessboard pattern",
   disconnected: "cells not connected to the largest part",
+  "uneven-part": "cells that connect a part to the rest",
   "dead-ends": "cells with a single neighbour",
   overhang: "cells with nothing below them",
   parts: "a layer in several parts",
