@@ -14,7 +14,7 @@ from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import CUBE, TETRAHEDRON
 from foldback.planner.chain.path import Path
 from foldback.planner.clearance.sweep import sweep
-from foldback.planner.kernels.backbite import grow
+from foldback.planner.core import grow
 from foldback.planner.pathfinding.lattice import neighbours
 from foldback.planner.pipeline.fold import fold
 from foldback.planner.plan.steps import steps_of

@@ -20,7 +20,7 @@ BEGIN, END = "<!-- components -->\n", "<!-- end of components -->\n"
 LAYERS: Final = (
     ("planner",),
     ("planner.compilation", "planner.storage"),
-    ("planner.kernels",),
+    ("planner.core",),
     ("planner.chain",),
     ("planner.parameters",),
     ("planner.shapes", "planner.motion", "planner.simulation"),

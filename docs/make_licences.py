@@ -18,7 +18,6 @@ ROOT: Final = Path(__file__).parents[1]
 PAGE: Final = ROOT / "docs" / "licences.md"
 BLAS: Final = "OpenBLAS, BSD-3-Clause; libgfortran and libgcc, GPL-3.0 WITH GCC-exception-3.1"
 BUNDLED: Final = {
-    "llvmlite": "LLVM, Apache-2.0 WITH LLVM-exception",
     "numpy": BLAS,
     "scipy": BLAS,
     "psycopg-binary": "libpq, PostgreSQL; OpenSSL, Apache-2.0; MIT Kerberos, MIT; OpenLDAP, "

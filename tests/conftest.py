@@ -4,16 +4,13 @@ import asyncio
 import gc
 import os
 import shutil
-import subprocess
 import sys
 from collections.abc import Callable, Generator, Iterator
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import psutil
 import pytest
 from httpx._transports import default as http_transports
 from hypothesis import settings
@@ -60,19 +57,11 @@ def examples(*, one_of: int) -> settings:
     return settings(max_examples=max(1, settings.default.max_examples // one_of))
 
 
-KERNELS = Path(__file__).parents[1] / "planner" / "kernels"
 PROCESSES = {
     *("service", "idle", "service_with", "hasty", "broken"),
     *("postgres", "bucket", "browser", "backend"),
 }
 """Fixtures that start programs."""
-
-
-def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the option for runs with deliberately wrong kernels."""
-    parser.addoption(
-        "--no-compile", action="store_true", help="compile no kernel before a test needs it"
-    )
 
 
 @pytest.hookimpl(tryfirst=True)  # before tests are selected by their marks
@@ -115,42 +104,8 @@ def pytest_xdist_auto_num_workers() -> int:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Compile missing kernels, and let runs on several processes report their progress."""
-    if not (hasattr(config, "workerinput") or config.getoption("--no-compile")):
-        _compile(config)
+    """Let runs on several processes report their progress."""
     progress.add_to(config)
-
-
-def _compile(config: pytest.Config) -> None:
-    """Compile all kernels into their cache, because services in tests do not compile.
-
-    At the same time, another process imports all tests, so that their modules and the libraries are
-    compiled to bytecode. Otherwise each process that runs tests would do that, all at once, for
-    17 s of processor time.
-    """
-    stamps = {
-        path.name: [path.stat().st_mtime_ns, path.stat().st_size]
-        for path in sorted(KERNELS.glob("*.py"))
-    }
-    compiled = [sys.prefix, version("numba"), stamps]
-    cache: pytest.Cache | None = getattr(config, "cache", None)  # None with -p no:cacheprovider
-    if cache is None or cache.get("foldback/compiled", None) == compiled:
-        return
-    print("Compiling the kernels, once: about a minute …", flush=True)
-    warm_up = "from foldback.planner.pipeline.warm_up import warm_up; warm_up(at_once=True)"
-    root = KERNELS.parents[1]
-    collect = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "--collect-only",
-        "--no-compile",
-        "-pno:cacheprovider",
-    ]
-    with subprocess.Popen(collect, cwd=root, stdout=subprocess.DEVNULL) as collecting:
-        psutil.Process(collecting.pid).nice(10)  # the kernels need two processors at first
-        subprocess.run([sys.executable, "-c", warm_up], cwd=root, check=True)
-    cache.set("foldback/compiled", compiled)
 
 
 @pytest.fixture(scope="session")

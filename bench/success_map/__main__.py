@@ -24,8 +24,8 @@ from rich.table import Table
 from bench.success_map.picture import Shares, picture
 from bench.success_map.stored import judge, run_missing
 from foldback.planner.chain.path import Path
+from foldback.planner.core import grow
 from foldback.planner.errors import InputError
-from foldback.planner.kernels.backbite import grow
 from foldback.planner.pathfinding.assembly import layered_snake
 from foldback.planner.pathfinding.lattice import neighbours
 from foldback.planner.pathfinding.path_search import find_paths

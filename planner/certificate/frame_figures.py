@@ -31,7 +31,8 @@ from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.floating_torques import floating_torques, spline_derivatives
 from foldback.planner.chain.kinematics import forward_kinematics
 from foldback.planner.clearance.sweep import sweep
-from foldback.planner.kernels.clearance import Solid, module_clearances
+from foldback.planner.core import module_clearances
+from foldback.planner.core.structures import Solid
 from foldback.planner.motion.inverse_dynamics import inverse_dynamics
 from foldback.planner.motion.motion import PHASES, Motion
 from foldback.planner.motion.timeline import Timeline

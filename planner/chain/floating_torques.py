@@ -10,8 +10,8 @@ import numpy as np
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.module import Module
 from foldback.planner.compilation.cpu_cores import cores
-from foldback.planner.kernels.dynamics import many_floating_torques
-from foldback.planner.kernels.module import Lumps
+from foldback.planner.core import many_floating_torques
+from foldback.planner.core.structures import Lumps
 
 
 def floating_torques(

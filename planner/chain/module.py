@@ -9,8 +9,8 @@ from typing import Final, Literal, TypeVar
 import numpy as np
 
 from foldback.planner.arrays import Array, Ints
+from foldback.planner.core.structures import Hull, Joint
 from foldback.planner.errors import InputError
-from foldback.planner.kernels.module import Hull, Joint
 
 DEFAULT_MODULE_SIZE: Final = 0.95
 """Default size at which the clearance of modules is checked, as a fraction of the pitch."""

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.module import Module
-from foldback.planner.kernels.clearance import least_separation
-from foldback.planner.kernels.pairs import near_pairs
+from foldback.planner.core import least_separation, near_pairs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,7 +15,8 @@ import numpy as np
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import Module
-from foldback.planner.kernels.linked import Link, deepest_overlap
+from foldback.planner.core import deepest_overlap
+from foldback.planner.core.structures import Link
 from foldback.planner.motion.motion import Motion, as_motion
 
 RULE_LINKED: Final = "consecutive modules (i, i+1)"

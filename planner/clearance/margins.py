@@ -26,7 +26,8 @@ from foldback.planner.clearance.sweep import (
     rest_motions,
     sweep,
 )
-from foldback.planner.kernels.clearance_bounds import Levers, Tolerance, allowance
+from foldback.planner.core import allowance
+from foldback.planner.core.structures import Levers, Tolerance
 from foldback.planner.motion.motion import Motion, as_motion
 from foldback.planner.progress import Cancelled, never
 

@@ -1,7 +1,7 @@
 """Sweep: the proved clearance of a whole motion, at its frames and everywhere between them.
 
-The proof is that of docs/decisions/0012-sweep-bound.md; ``planner.kernels.sweep`` computes it. Some
-pairs are not checked:
+The proof is that of docs/decisions/0012-sweep-bound.md; ``planner/core/sweep.cpp`` computes
+it. Some pairs are not checked:
 
 * Pairs fewer links apart than ``Module.apart``: they share a joint
   (``planner.clearance.exempt_pairs``).
@@ -28,18 +28,17 @@ from foldback.planner.arrays import Array, Flags, Ints
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import Poses, forward_kinematics
 from foldback.planner.chain.module import Module
-from foldback.planner.kernels.clearance import least_separation
-from foldback.planner.kernels.clearance_bounds import Tolerance
-from foldback.planner.kernels.motion_bounds import BODY_COLUMNS, ROTATION, VELOCITY
-from foldback.planner.kernels.pairs import near_pairs
-from foldback.planner.kernels.sweep import (
+from foldback.planner.core import (
+    BODY_COLUMNS,
+    ROTATION,
     ROUNDING_MARGIN,
-    Angles,
-    Shape,
-    SweepResult,
+    VELOCITY,
+    least_separation,
+    near_pairs,
     rigid_clearances,
     sweep_frames,
 )
+from foldback.planner.core.structures import Angles, Shape, SweepResult, Tolerance
 from foldback.planner.motion.motion import Motion, as_motion
 from foldback.planner.progress import Cancelled, never
 
@@ -350,7 +349,7 @@ class _AtRest:
 
 
 def windows_shape(chain: Chain, module_size: float) -> Shape:
-    """Return the shape of a chain whose motion is windows, for ``planner.kernels.sweep``."""
+    """Return the shape of a chain whose motion is windows, for ``planner/core/sweep.cpp``."""
     return _shape(chain, module_size, (chain.folded_poses, _straight(chain)), EXACT)
 
 

@@ -17,14 +17,13 @@ from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import Poses, forward_kinematics
 from foldback.planner.chain.path import STEPS
 from foldback.planner.chain.rotations import QUARTER_RAD
+from foldback.planner.core import least_separation, near_pairs
 from foldback.planner.explosion.failure_evidence import (
     BlockEvidence,
     Move,
     QuarterTurnEvidence,
     Turn,
 )
-from foldback.planner.kernels.clearance import least_separation
-from foldback.planner.kernels.pairs import near_pairs
 
 STUCK_JOINT_BEND_RAD: Final = 1.0
 """Minimum angle of a hinge, rad, at which the report on a stalled unfolding counts its joint as

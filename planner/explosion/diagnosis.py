@@ -13,6 +13,7 @@ import numpy as np
 
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
+from foldback.planner.core import FIXED, near_pairs
 from foldback.planner.explosion.blocking import STUCK_JOINT_BEND_RAD, blocked, no_quarter_turn
 from foldback.planner.explosion.failure_evidence import (
     BlockEvidence,
@@ -24,8 +25,6 @@ from foldback.planner.explosion.failure_evidence import (
     Point,
 )
 from foldback.planner.explosion.peeling.window import MIN_LAST_UNIT_MODULES
-from foldback.planner.kernels.folded_core import FIXED
-from foldback.planner.kernels.pairs import near_pairs
 from foldback.planner.motion.failure_schemas import StuckFigures
 from foldback.planner.motion.motion import PHASES, Motion
 from foldback.planner.motion.record import Record

@@ -16,6 +16,7 @@ import numpy as np
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import DEFAULT_MODULE_SIZE, Module
+from foldback.planner.core import near_pairs, repulsion
 from foldback.planner.explosion.loop.checkpoint import Checkpoint, Pulses
 from foldback.planner.explosion.loop.explosion_loop import (
     STRAIGHT,
@@ -28,7 +29,6 @@ from foldback.planner.explosion.loop.explosion_loop import (
 from foldback.planner.explosion.loop.recorder import FrameRule, Recorder, Step
 from foldback.planner.explosion.loop.step_control import StepControl
 from foldback.planner.explosion.loop.whole_chain import chain_at_rest, unfolded_share
-from foldback.planner.kernels.pairs import near_pairs, repulsion
 from foldback.planner.motion.angle_encoding import quantised
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record, Spent

@@ -508,7 +508,7 @@ class Motion:
             steps = np.abs(np.diff(self.joint_angles_rad, axis=0))
             largest = steps.max(axis=1)
             return largest, (steps > fraction * largest[:, None]).sum(axis=1)
-        from foldback.planner.kernels.windows import window_steps  # late: it needs a compiler
+        from foldback.planner.core import window_steps
 
         count = max(0, len(self) - 1)
         largest, moving = np.zeros(count), np.zeros(count, dtype=np.int64)

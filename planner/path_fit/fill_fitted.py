@@ -12,8 +12,8 @@ import numpy as np
 from foldback.planner.arrays import Flags, Ints
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.path import Path
+from foldback.planner.core import grow
 from foldback.planner.errors import InputError
-from foldback.planner.kernels.backbite import grow
 from foldback.planner.path_fit.fit import FittedPath, PathFit, fit_path
 from foldback.planner.path_fit.fit_table import MAX_TABLE_FITTED_MODULES, SIDES, fit_on_table
 from foldback.planner.path_fit.placements import Placement

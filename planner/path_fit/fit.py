@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from foldback.planner.arrays import Array, Ints
-from foldback.planner.kernels.path_annealing import (
+from foldback.planner.core import (
     BACKBITE,
     CORNER,
     CUT,
@@ -20,10 +20,9 @@ from foldback.planner.kernels.path_annealing import (
     PARALLEL,
     RETRACT,
     SLITHER,
-    Field,
-    Schedule,
     anneal,
 )
+from foldback.planner.core.structures import Field, Schedule
 from foldback.planner.path_fit.cloud import clouds_of
 from foldback.planner.path_fit.placements import (
     CUBES,

@@ -15,7 +15,8 @@ from typing import Final
 import numpy as np
 
 from foldback.planner.arrays import Ints
-from foldback.planner.kernels.path_annealing import FULL, Field, anneal
+from foldback.planner.core import FULL, anneal
+from foldback.planner.core.structures import Field
 from foldback.planner.path_fit.cloud import clouds_of
 from foldback.planner.path_fit.fit import (
     MIN_SHARE,

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from foldback.planner.arrays import Flags, Ints
-from foldback.planner.kernels.path_annealing import FULL, Field
-from foldback.planner.kernels.trails import anneal_trail
+from foldback.planner.core import FULL, anneal_trail
+from foldback.planner.core.structures import Field
 from foldback.planner.path_fit.fit import MIN_SHARE, Walls, placements_of, schedule, worth_of
 from foldback.planner.path_fit.placements import TETRAHEDRA, Counts, Placement
 from foldback.planner.shapes.lattice_fits import Ladder

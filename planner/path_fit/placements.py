@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from foldback.planner.arrays import Array, Ints
-from foldback.planner.kernels.path_annealing import CLOSED, FULL
-from foldback.planner.kernels.pose_bounds import best_overlap, count_in_tetrahedra, count_points
+from foldback.planner.core import FULL, best_overlap, count_in_tetrahedra, count_points
+from foldback.planner.core.structures import CLOSED
 from foldback.planner.path_fit.cloud import Clouds
 from foldback.planner.shapes.inside_points import turned
 
@@ -47,7 +47,7 @@ class Lattice:
 
 CUBES: Final = Lattice(count=count_points, shape=(), volume=1.0, period=1)
 TETRAHEDRA: Final = Lattice(count=count_in_tetrahedra, shape=(3,), volume=2.0 / 3.0, period=2)
-"""Tetrahedra, of which the pitch is the distance of two nodes; see ``kernels.trails``."""
+"""Tetrahedra, of which the pitch is the distance of two nodes; see ``planner/core/trails.cpp``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from foldback.planner.arrays import Array, Flags
 from foldback.planner.chain.trail import hinge_axes
+from foldback.planner.core import circuit_order, one_circuit
 from foldback.planner.errors import InputError
-from foldback.planner.kernels.trails import circuit_order, one_circuit
 
 Nodes = NDArray[np.int64]
 

@@ -9,7 +9,7 @@ from typing import Final, Literal
 import numpy as np
 
 from foldback.planner.arrays import Flags, Ints
-from foldback.planner.kernels.backbite import ease, grow
+from foldback.planner.core import ease, grow
 from foldback.planner.pathfinding import Cell
 from foldback.planner.pathfinding.lattice import colours, index_of, neighbours, surface
 from foldback.planner.pathfinding.no_path_proofs import obstacles

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from foldback.planner.arrays import Array, Ints
-from foldback.planner.kernels.knots import simplified, tightened
+from foldback.planner.core import simplified, tightened
 from foldback.planner.pathfinding.knots import Knot, best_view, closed_polygons, knot_of, smaller
 
 PULL_FRACTIONS: Final = (0.9, 0.5, 0.7)

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from foldback.planner.arrays import Array, Ints
+from foldback.planner.core import crossings as seen_crossings
+from foldback.planner.core import determinant as determinant_modulo
+from foldback.planner.core import simplified, tightened
 from foldback.planner.errors import InputError
-from foldback.planner.kernels.knots import crossings as seen_crossings
-from foldback.planner.kernels.knots import determinant as determinant_modulo
-from foldback.planner.kernels.knots import simplified, tightened
 
 Verdict = Literal["unknot", "knotted", "undecided"]
 
@@ -203,7 +203,7 @@ def best_view(points: Array, rng: np.random.Generator) -> tuple[Array, Array, In
 
     Returns:
         (3,) direction towards the viewer; ``places`` and ``signs`` of
-        ``planner.kernels.knots.crossings``.
+        ``planner/core/knots.cpp``.
     """
     best: tuple[Array, Array, Ints] | None = None
     for _ in range(24 if len(points) < 500 else 2):
@@ -230,7 +230,7 @@ def _alexander(places: Array, signs: Ints, at: int) -> Ints:
     np.add.at(matrix, (rows, over), 1 - at)
     np.add.at(matrix, (rows, arrives), np.where(signs > 0, at, -1))
     np.add.at(matrix, (rows, leaves), np.where(signs > 0, -1, at))
-    return matrix[:-1, :-1]
+    return matrix[:-1, :-1].copy()
 
 
 def _determinant(places: Array, signs: Ints) -> int:

@@ -17,8 +17,9 @@ from foldback.planner.certificate.table_forces import TableForces
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import Poses
 from foldback.planner.chain.rotations import wxyz_from_matrix
+from foldback.planner.core import module_clearances
+from foldback.planner.core.structures import Solid
 from foldback.planner.errors import TimelineError
-from foldback.planner.kernels.clearance import Solid, module_clearances
 from foldback.planner.motion.inverse_dynamics import inverse_dynamics
 from foldback.planner.motion.motion import PHASES
 from foldback.planner.motion.timeline import Timeline

@@ -506,7 +506,7 @@ def versions() -> dict[str, str]:
 @cache
 def _versions() -> dict[str, str]:
     installed = {"python": platform.python_version()}
-    for package in ("foldback", "mujoco", "numpy", "numba", "scipy"):
+    for package in ("foldback", "mujoco", "numpy", "scipy"):
         try:
             installed[package] = version(package)
         except PackageNotFoundError:

@@ -15,7 +15,8 @@ from foldback.planner.arrays import FRAMES_AT_ONCE, Array, Ints
 from foldback.planner.chain.cantilever_statics import hinge_frames
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import Poses, forward_kinematics
-from foldback.planner.kernels.statics import Hinges, torque_columns
+from foldback.planner.core import torque_columns
+from foldback.planner.core.structures import Hinges
 from foldback.planner.motion.motion import Motion
 from foldback.planner.playback.window_trajectory import WindowCurve
 from foldback.planner.statics.contacts import FLOOR_GAP, MAX_TABLE_PENETRATION_PITCH, lowest_corners

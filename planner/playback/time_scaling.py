@@ -12,7 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from foldback.planner.arrays import Array, Flags
 from foldback.planner.chain.floating_torques import floating_torques
 from foldback.planner.chain.module import Module
-from foldback.planner.kernels.speed_profiles import torque_passes
+from foldback.planner.core import torque_passes
 from foldback.planner.playback.reference_curve import Reference
 
 MIN_PLAYBACK_STEPS: Final = 100

@@ -6,8 +6,6 @@ import json
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
-from importlib.resources import files
-from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Final
 
@@ -102,19 +100,19 @@ class Gallery:
         )
 
 
-def shapes_directory() -> Traversable:
+def shapes_directory() -> Path:
     """Return the directory with the path files of the example shapes."""
-    package = files("foldback.planner")
-    checkout = Path(str(package)).resolve().parent / "examples" / "shapes"
-    return checkout if checkout.is_dir() else package / "examples"
+    planner = Path(__file__).resolve().parents[1]
+    checkout = planner.parent / "examples" / "shapes"
+    return checkout if checkout.is_dir() else planner / "examples"
 
 
 def _resting() -> dict[str, float]:
     """Shapes that were found to rest on a table, and the torque in w·p that each asks."""
     directory = shapes_directory()
     for file in (
-        files("foldback.planner") / TABLE_RESULTS,
-        Path(str(directory)).parent / TABLE_RESULTS,
+        Path(__file__).resolve().parents[1] / TABLE_RESULTS,
+        directory.parent / TABLE_RESULTS,
     ):
         if file.is_file():
             shapes = json.loads(file.read_bytes())["shapes"]
@@ -126,7 +124,7 @@ def _resting() -> dict[str, float]:
     return {}
 
 
-def _shape(entry: Traversable, resting: dict[str, float]) -> GalleryShape:
+def _shape(entry: Path, resting: dict[str, float]) -> GalleryShape:
     data = entry.read_bytes()
     content = json.loads(data)
     name = entry.name.removesuffix(".json")

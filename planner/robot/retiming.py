@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foldback.planner.arrays import Array
+from foldback.planner.core import fastest_profile
 from foldback.planner.errors import InputError
-from foldback.planner.kernels.speed_profiles import fastest_profile
 from foldback.planner.plan.plan import Plan
 from foldback.planner.robot.trajectory import CutPath, Trajectory
 

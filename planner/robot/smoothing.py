@@ -29,8 +29,8 @@ from foldback.planner.arrays import Array, Flags, Ints
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.floating_torques import floating_torques
 from foldback.planner.clearance.sweep import Sweep, sweep
+from foldback.planner.core import mark_blamed_hinges, write_displacements
 from foldback.planner.errors import InputError
-from foldback.planner.kernels.smoothing import mark_blamed_hinges, write_displacements
 from foldback.planner.progress import Cancelled, never
 from foldback.planner.robot.smoothing_targets import (
     along,

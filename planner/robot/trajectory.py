@@ -195,15 +195,15 @@ class CutPath:
             piece(lengths[k], places[k] + reach[k], k, k - 1, k, reach[k])
             piece(lengths[k], places[k + 1] - reach[k + 1], k, k, k, 1.0)
             piece(lengths[k], places[k + 1], k + 1, k, k + 1, reach[k + 1])
-        indices = np.array([cell[:3] for cell in cells], dtype=np.int64)
+        frame, left, right = np.array([cell[:3] for cell in cells], dtype=np.int64).T.copy()
         return cls(
             frames=frames,
             places=places,
             lengths=lengths,
             knots=np.concatenate(ends),
-            frame=indices[:, 0],
-            left=indices[:, 1],
-            right=indices[:, 2],
+            frame=frame,
+            left=left,
+            right=right,
             reach=np.array([cell[3] for cell in cells]),
             cells=count,
         )

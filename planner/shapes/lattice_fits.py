@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.core import window_histograms, window_sums
 from foldback.planner.errors import checked_fraction
-from foldback.planner.kernels.crossings import window_histograms, window_sums
 from foldback.planner.shapes.bridges import Bridged, bridged, parts_of
 from foldback.planner.shapes.mesh_repair import welded
 from foldback.planner.shapes.separate_bodies import (

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.core import fill_by_winding, mark_crossings, vote_by_parity
 from foldback.planner.errors import InputError
-from foldback.planner.kernels.crossings import fill_by_winding, mark_crossings, vote_by_parity
 from foldback.planner.shapes.solid import Solid, signed_volume
 
 

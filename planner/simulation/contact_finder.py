@@ -14,8 +14,7 @@ import numpy as np
 
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
-from foldback.planner.kernels.folded_core import box_cover
-from foldback.planner.kernels.segment_state import write_wxyzs
+from foldback.planner.core import box_cover, write_wxyzs
 from foldback.planner.simulation.engine import DetectedContacts
 from foldback.planner.simulation.lazy_mujoco import mujoco
 from foldback.planner.simulation.mujoco_models import (

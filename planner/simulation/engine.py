@@ -3,7 +3,7 @@
 The chain floats, or its module 0 is held. Rigid lumps may be fixed to both of its ends: a folded
 core, a straight tail. Each hinge has a torque and a rotor inertia; one at its stop is locked.
 MuJoCo finds the contacts, whose forces follow from a system of their own
-(``planner.kernels.contact_forces``). The time of a step is proportional to the number of modules.
+(``planner/core/contact_forces.cpp``). The time of a step is proportional to the number of modules.
 """
 
 from __future__ import annotations
@@ -15,23 +15,25 @@ import numpy as np
 
 from foldback.planner.arrays import Array, Flags, Ints
 from foldback.planner.chain.chain import Chain
-from foldback.planner.errors import SimulationError
-from foldback.planner.kernels.articulated import (
-    Accelerations,
-    ArticulatedBodies,
-    Loads,
-    unconstrained_accelerations,
-)
-from foldback.planner.kernels.contact_forces import (
-    MAX_DIRECT_CONTACTS,
-    ContactModel,
-    PairContacts,
+from foldback.planner.core import (
     add_contacts,
     add_many_contacts,
+    chain_poses,
+    chain_velocities,
+    unconstrained_accelerations,
 )
-from foldback.planner.kernels.kinematics import chain_poses
-from foldback.planner.kernels.module import ChainModel, Lumps, ModuleStates
-from foldback.planner.kernels.velocities import chain_velocities
+from foldback.planner.core.structures import (
+    MAX_DIRECT_CONTACTS,
+    Accelerations,
+    ArticulatedBodies,
+    ChainModel,
+    ContactModel,
+    Loads,
+    Lumps,
+    ModuleStates,
+    PairContacts,
+)
+from foldback.planner.errors import SimulationError
 from foldback.planner.simulation.mujoco_models import Material
 from foldback.planner.simulation.reduced_state import Acceleration, State
 

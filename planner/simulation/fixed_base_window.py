@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
-from foldback.planner.kernels.module import Lumps
+from foldback.planner.core.structures import Lumps
 from foldback.planner.simulation.contact_finder import ContactFinder
 from foldback.planner.simulation.engine import SpringChain, build_chain_model
 from foldback.planner.simulation.mujoco_models import Material

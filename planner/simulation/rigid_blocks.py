@@ -15,10 +15,9 @@ import numpy as np
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.rotations import wxyz_from_matrix
+from foldback.planner.core import chain_poses, chain_velocities
+from foldback.planner.core.structures import ModuleStates
 from foldback.planner.errors import InputError, SimulationError
-from foldback.planner.kernels.kinematics import chain_poses
-from foldback.planner.kernels.module import ModuleStates
-from foldback.planner.kernels.velocities import chain_velocities
 from foldback.planner.simulation.contact_finder import boxes_around
 from foldback.planner.simulation.lazy_mujoco import mujoco
 from foldback.planner.simulation.mujoco_models import (

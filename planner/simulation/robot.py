@@ -18,16 +18,15 @@ import numpy as np
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
-from foldback.planner.errors import SimulationError
-from foldback.planner.kernels.articulated import Accelerations, Loads
-from foldback.planner.kernels.module import ReducedState
-from foldback.planner.kernels.servo_step import (
+from foldback.planner.core import advance, remove_net_momentum, servo_torques
+from foldback.planner.core.structures import (
+    Accelerations,
+    Loads,
+    ReducedState,
     RobotServos,
     ServoTarget,
-    advance,
-    remove_net_momentum,
-    servo_torques,
 )
+from foldback.planner.errors import SimulationError
 from foldback.planner.parameters.playback import RobotParameters
 from foldback.planner.simulation.contact_finder import ContactFinder
 from foldback.planner.simulation.engine import DetectedContacts, Engine, build_chain_model

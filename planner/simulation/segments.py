@@ -18,10 +18,9 @@ import numpy as np
 
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
+from foldback.planner.core import least_separation, write_root_velocities, write_state
+from foldback.planner.core.structures import ModuleStates, SegmentLayout
 from foldback.planner.errors import SimulationError
-from foldback.planner.kernels.clearance import least_separation
-from foldback.planner.kernels.module import ModuleStates
-from foldback.planner.kernels.segment_state import SegmentLayout, write_root_velocities, write_state
 from foldback.planner.simulation.engine import DetectedContacts, SpringChain, build_chain_model
 from foldback.planner.simulation.lazy_mujoco import mujoco
 from foldback.planner.simulation.mujoco_models import (

@@ -13,9 +13,7 @@ from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import forward_kinematics
 from foldback.planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
-from foldback.planner.kernels.contact_forces import PairContacts
-from foldback.planner.kernels.module import ChainModel, Lumps
-from foldback.planner.kernels.servo_step import ServoTarget
+from foldback.planner.core.structures import ChainModel, Lumps, PairContacts, ServoTarget
 from foldback.planner.parameters.playback import RobotParameters
 from foldback.planner.simulation.contact_finder import boxes_around, robot_contacts
 from foldback.planner.simulation.engine import DetectedContacts, Engine

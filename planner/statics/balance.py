@@ -23,7 +23,8 @@ from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.cantilever_statics import hinge_frames
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import Poses
-from foldback.planner.kernels.statics import EQUATIONS, Hinges, torque_columns
+from foldback.planner.core import torque_columns
+from foldback.planner.core.structures import EQUATIONS, Hinges
 from foldback.planner.statics.contacts import FLOOR_GAP, MODULE_GAP, Contacts, contacts
 from foldback.planner.statics.equilibrium_lp import Columns, Program
 from foldback.planner.statics.friction import Friction, rays, wider, with_estimated_drift

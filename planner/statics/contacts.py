@@ -15,7 +15,8 @@ import numpy as np
 
 from foldback.planner.arrays import Array, Flags, Ints
 from foldback.planner.chain.module import Module
-from foldback.planner.kernels.statics import FacetedHull, contact_points
+from foldback.planner.core import contact_points
+from foldback.planner.core.structures import FacetedHull
 
 FLOOR: Final = -1
 """Number that denotes the floor in a list of contacts, where other numbers are those of modules."""

@@ -8,7 +8,7 @@ from typing import Final, Literal
 import numpy as np
 
 from foldback.planner.arrays import Ints
-from foldback.planner.kernels import Levels
+from foldback.planner.core.structures import Levels
 from foldback.planner.progress import Cancelled, never
 from foldback.planner.turns.turning import Keys, Turning, Turns
 

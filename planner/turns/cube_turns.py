@@ -7,15 +7,14 @@ from typing import Final
 import numpy as np
 
 from foldback.planner.chain.chain import Chain
-from foldback.planner.kernels.cube_turns import (
+from foldback.planner.core import (
     BORDER,
-    Scratch,
-    SweptCells,
-    clear_turns,
-    count_contacts,
-    test_turns,
-    without_overlaps,
+    clear_cube_turns,
+    count_cube_contacts,
+    test_cube_turns,
+    without_cube_overlaps,
 )
+from foldback.planner.core.structures import CubeScratch, SweptCells
 from foldback.planner.turns.turning import Turning, TurnKernels
 
 MIN_TABLE_ENTRIES: Final = 2**16
@@ -30,10 +29,10 @@ def _double_table(table: SweptCells) -> SweptCells:
 
 
 KERNELS: Final = TurnKernels(
-    count_contacts=count_contacts,
-    test_turns=test_turns,
-    clear_turns=clear_turns,
-    without_overlaps=without_overlaps,
+    count_contacts=count_cube_contacts,
+    test_turns=test_cube_turns,
+    clear_turns=clear_cube_turns,
+    without_overlaps=without_cube_overlaps,
     double_table=_double_table,
 )
 """Kernels of chains of cubes."""
@@ -44,7 +43,7 @@ def cube_turning(chain: Chain, module_size: float) -> Turning:
 
     A turn is clear if no two modules that are not exempt come nearer than ``room`` to each other on
     the way. Cubes that turn about a lattice axis stay in their layers, where the distance of two
-    squares is known in closed form (``planner.kernels.cube_turns.turning_gap``).
+    squares is known in closed form (``planner/core/cube_turns.cpp``).
     """
     modules = len(chain)
     radius = modules // 2 + 2  # the shorter part of the chain reaches no farther
@@ -57,7 +56,7 @@ def cube_turning(chain: Chain, module_size: float) -> Turning:
         half=0.5 * module_size,
         reach=1.0 - module_size,
     )
-    scratch = Scratch(
+    scratch = CubeScratch(
         cells=np.zeros((modules, 3), np.int64),
         axes=np.zeros((modules, 3, 3), np.int64),
         # The extents of a chain's box add up to at most its length and 2 for the corners.

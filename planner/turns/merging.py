@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from foldback.planner.kernels import Levels
+from foldback.planner.core.structures import Levels
 from foldback.planner.turns.moves import Move, RoomProof, make
 
 MAX_MISFITS: Final = 96

@@ -12,9 +12,8 @@ from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import forward_kinematics
 from foldback.planner.chain.rotations import QUARTER_RAD
 from foldback.planner.clearance.sweep import ALLOWANCE_CAP, Between
-from foldback.planner.kernels import Levels
-from foldback.planner.kernels.clearance import least_separation
-from foldback.planner.kernels.pairs import near_pairs
+from foldback.planner.core import least_separation, near_pairs
+from foldback.planner.core.structures import Levels
 from foldback.planner.turns.turning import Turning
 
 PIECE_ORDER: Final = (4, 2, 6, 1, 3, 5, 7, 0)

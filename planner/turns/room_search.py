@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from foldback.planner.chain.chain import Chain
-from foldback.planner.kernels import Levels
+from foldback.planner.core.structures import Levels
 from foldback.planner.progress import Cancelled, never
 from foldback.planner.turns.beam_search import Unfolded, unfold
 from foldback.planner.turns.moves import RoomProof

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from foldback.planner.kernels import Levels
+from foldback.planner.core.structures import Levels
 from foldback.planner.turns.moves import Move, RoomProof
 
 

@@ -7,14 +7,13 @@ from typing import Final
 import numpy as np
 
 from foldback.planner.chain.chain import Chain
-from foldback.planner.kernels.tetrahedron_turns import (
-    Scratch,
-    TurningGaps,
-    clear_turns,
-    count_contacts,
-    test_turns,
-    without_overlaps,
+from foldback.planner.core import (
+    clear_tetrahedron_turns,
+    count_tetrahedron_contacts,
+    test_tetrahedron_turns,
+    without_tetrahedron_overlaps,
 )
+from foldback.planner.core.structures import TetrahedronScratch, TurningGaps
 from foldback.planner.turns.turning import Turning, TurnKernels, gap_between_cells
 
 MIN_TABLE_ENTRIES: Final = 2**17
@@ -32,10 +31,10 @@ def _double_table(table: TurningGaps) -> TurningGaps:
 
 
 KERNELS: Final = TurnKernels(
-    count_contacts=count_contacts,
-    test_turns=test_turns,
-    clear_turns=clear_turns,
-    without_overlaps=without_overlaps,
+    count_contacts=count_tetrahedron_contacts,
+    test_turns=test_tetrahedron_turns,
+    clear_turns=clear_tetrahedron_turns,
+    without_overlaps=without_tetrahedron_overlaps,
     double_table=_double_table,
 )
 """Kernels of chains of tetrahedra."""
@@ -57,7 +56,7 @@ def tetrahedron_turning(chain: Chain, module_size: float) -> Turning:
         reach=gap_between_cells(chain, module_size),
     )
     slots = 4 << modules.bit_length()
-    scratch = Scratch(
+    scratch = TetrahedronScratch(
         nodes=np.zeros((modules + 1, 3), np.int64),
         axes=np.zeros((modules, 3), np.int64),
         projected=np.zeros((modules, 3), np.int64),

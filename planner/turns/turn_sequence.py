@@ -9,7 +9,7 @@ import numpy as np
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.rotations import QUARTER_RAD
-from foldback.planner.kernels import Levels
+from foldback.planner.core.structures import Levels
 from foldback.planner.progress import Cancelled, never
 from foldback.planner.turns.beam_search import Outcome
 from foldback.planner.turns.cube_turns import cube_turning

@@ -13,7 +13,8 @@ from foldback.planner.arrays import Array, Flags, Ints
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import forward_kinematics
 from foldback.planner.chain.rotations import QUARTER_RAD
-from foldback.planner.kernels import TABLE_FULL, Levels
+from foldback.planner.core import TABLE_FULL
+from foldback.planner.core.structures import Levels
 
 Keys = NDArray[np.uint64]
 
@@ -44,8 +45,8 @@ class TurnKernels:
     """Kernels of quarter turns of one kind of module.
 
     The first four are the compiled functions of these names, which get the table and the scratch
-    arrays of their kind: see ``planner.kernels.cube_turns`` and
-    ``planner.kernels.tetrahedron_turns``.
+    arrays of their kind: see ``planner/core/cube_turns.cpp`` and
+    ``planner/core/tetrahedron_turns.cpp``.
 
     Attributes:
         count_contacts: Counts touching pairs after each turn of a state.

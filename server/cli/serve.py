@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldback.planner.compilation.may_compile import forbid_compiling
 from foldback.server.errors import READ_ONLY_WORDS
 from foldback.server.limits.open_files import BACKLOG, OpenFiles
 from foldback.server.ops.logs import set_up_logs
@@ -40,7 +39,6 @@ def serve(
 ) -> None:
     """Start the service. Environment variables such as FOLDBACK_PORT configure it."""
     keep_secrets()
-    forbid_compiling()
     settings = settings_of(host=host, port=port, data_dir=data_dir, workers=workers)
     set_up_logs(settings)
     warn_of_unknown_names(log)

@@ -23,7 +23,7 @@ CHECKS: Final[tuple[tuple[str, Check], ...]] = (
     ("memory", machine.memory),
     ("open files", machine.files),
     ("clock", machine.clock),
-    ("kernels", drawing.kernels),
+    ("core", drawing.core),
     ("MuJoCo", drawing.mujoco),
     ("computing processes", children.confinement),
     ("OpenGL", drawing.gl),

@@ -1,4 +1,4 @@
-"""Checks of OpenGL, movie encoder, compiled kernels and MuJoCo.
+"""Checks of OpenGL, movie encoder, the compiled core and MuJoCo.
 
 Each runs in its own process, because a faulty library can crash it.
 """
@@ -32,9 +32,11 @@ try:
 except NoEncoderError as error:
     sys.exit(error)
 """
-_COMPILE: Final = """
-from foldback.planner.kernels.trails import one_circuit
-print(one_circuit.stats.cache_path)
+_LOAD_CORE: Final = """
+import numpy as np
+from foldback.planner.core import best_overlap
+best_overlap(np.ones(8, np.int64), 1.0, 8.0, 1, 8)
+print("the compiled core computes")
 """
 _SIMULATE: Final = """
 import sys
@@ -76,13 +78,15 @@ def encoder(_: Settings) -> CheckResult:
     )
 
 
-def kernels(_: Settings) -> CheckResult:
-    """Check that compiled kernels can be cached."""
-    code, words = run_python(_COMPILE)
+def core(_: Settings) -> CheckResult:
+    """Check that the compiled core suits this processor."""
+    code, words = run_python(_LOAD_CORE)
     if code == 0:
-        return ok(f"compiled kernels are stored in {words}")
+        return ok(words)
     return problem(
-        f"compiled kernels cannot be used ({words})", "Set NUMBA_CACHE_DIR to a writable directory."
+        f"the compiled core cannot be used ({words})",
+        "Install foldback with `--config-settings=cmake.define.FOLDBACK_BASELINE=ON`, which builds "
+        "a core for any processor.",
     )
 
 

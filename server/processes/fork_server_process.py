@@ -30,7 +30,7 @@ from foldback.planner.compilation.compiling_lock import compiling_fraction
 from foldback.planner.progress import Progress, silent
 from foldback.server.errors import UNEXPECTED_WORDS
 from foldback.server.processes.child import Task, serve, task_of
-from foldback.server.processes.sandbox import end_threads, load_kernels
+from foldback.server.processes.sandbox import end_threads
 
 MAX_REQUEST_BYTES: Final = 65536
 """Number of bytes that the fork server, which starts computing processes, reads at most at once
@@ -291,7 +291,6 @@ def main() -> None:
             tasks, late = _tasks(
                 configuration["kinds"], requests, warm=configuration["warm"], directory=directory
             )
-            load_kernels()
         _compact_before_fork()
     except Exception:
         traceback.print_exc()

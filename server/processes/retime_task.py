@@ -7,34 +7,18 @@ import time
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from foldback.planner.chain.module import DEFAULT_MODULE_SIZE
 from foldback.planner.exports.trajectory import MAX_TOUCH_DEPTH_PITCH, sufficient_rate
 from foldback.planner.exports.trajectory import clearance as clearance_of_rows
 from foldback.planner.plan.plan import Plan
 from foldback.planner.robot.motors import Build, motor_requirements
 from foldback.planner.robot.retiming import retime as retime_plan
-from foldback.planner.robot.retiming import retimed
 from foldback.planner.robot.trajectory import Trajectory
 from foldback.planner.storage.file_names import PLAN
 from foldback.server.processes.scratch import MOTORS_FILE, request_in
 
 
 def warm_up() -> None:
-    """Retime a tiny chain and compute its torques, to compile the required kernels."""
-    from foldback.planner.pipeline.warm_up_paths import (
-        warm_up_chains,  # imported here, because only this function needs the path search
-    )
-
-    chain = warm_up_chains()
-    frames = np.linspace(0.0, 1.0, 3)[:, None] * chain.folded_rad
-    trajectory = retimed(frames, chain.joint_names, 1.0, 1.0)
-    clearance_of_rows(trajectory, chain, module_size=DEFAULT_MODULE_SIZE)
-    for is_held in (True, False):
-        gravity_m_s2 = 9.81 if is_held else 0.0
-        build = Build(module_mass_kg=1.0, pitch_m=1.0, gravity_m_s2=gravity_m_s2, held=is_held)
-        motor_requirements(chain, trajectory, build)
+    """Do nothing."""
 
 
 def retime(directory: Path) -> dict[str, Any]:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import importlib
 import os
-import pkgutil
 import shutil
 import sys
 import tempfile
@@ -12,7 +10,7 @@ import threading
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from foldback.server.processes import landlock, seccomp
 from foldback.server.processes.landlock import Allowed
@@ -59,7 +57,6 @@ def confine(work: Allowed, *, drawing: bool = False) -> None:
         drawing: True if it draws with OpenGL.
     """
     _keep_temporary_files(work.writable[0])
-    _keep_no_kernels()
     end_threads()
     if landlock.version():
         landlock.restrict(_with_programs(work, drawing=drawing))
@@ -118,7 +115,7 @@ def _with_programs(work: Allowed, *, drawing: bool) -> Allowed:
 
 
 def _programs(work: Allowed) -> list[Path]:
-    """Return the paths of Python, its packages, this service, and compiled kernels."""
+    """Return the paths of Python, its packages, and this service."""
     parents = [
         Path(str(sys.modules[name].__file__)).parent for name in OWN_PACKAGES if name in sys.modules
     ]
@@ -127,8 +124,6 @@ def _programs(work: Allowed) -> list[Path]:
     named = [
         place for name in PATH_VARIABLES for place in os.environ.get(name, "").split(os.pathsep)
     ]
-    caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    kernels = Path(caches) / "numba"
     # A checkout may contain the service's data as well, so it is not readable as a whole.
     closed = [path.resolve() for path in work.writable]
     added = [
@@ -136,7 +131,7 @@ def _programs(work: Allowed) -> list[Path]:
         for place in map(Path, filter(None, (*sys.path, *named)))
         if place.name in PACKAGE_DIRS or not any(p.is_relative_to(place.resolve()) for p in closed)
     ]
-    return [*parents, *python, kernels, *added]
+    return [*parents, *python, *added]
 
 
 def _ffmpeg() -> list[Path]:
@@ -146,27 +141,3 @@ def _ffmpeg() -> list[Path]:
         return []
     path = Path(program).resolve()
     return [path, *([path.parents[1] / "lib"] if path.parent.name == "bin" else [])]
-
-
-def load_kernels() -> None:
-    """Load all kernels."""
-    from foldback.planner import kernels
-
-    for module in pkgutil.iter_modules(kernels.__path__):
-        importlib.import_module(f"{kernels.__name__}.{module.name}")
-
-
-def _keep_no_kernels() -> None:
-    """Disable storing of compiled kernels, and load all kernels.
-
-    Other processes run cached kernels, so a confined process must not write any. Call this before
-    confining, because numba checks on loading if it can write to the cache.
-    """
-    from numba.core import caching
-
-    load_kernels()
-
-    def keep(self: caching.Cache, sig: Any, data: Any) -> None:
-        del self, sig, data
-
-    caching.Cache.save_overload = keep

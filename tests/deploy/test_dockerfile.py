@@ -66,9 +66,11 @@ def test_everything_installed_is_copied_and_passes_dockerignore() -> None:
     copied = copied_sources(DOCKERFILE.read_text())
     about = PROJECT["project"]
     assert {"pyproject.toml", about["readme"], *about["license-files"]} <= copied
-    wheel = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]
-    assert set(wheel["only-include"]) <= copied
-    assert {name.partition("/")[0] for name in wheel["force-include"]} <= copied
+    assert {
+        "CMakeLists.txt",
+        "examples",
+        *PROJECT["tool"]["scikit-build"]["wheel"]["packages"],
+    } <= copied
     for source in copied:
         files = files_below(ROOT / source)
         assert files and all(allowed_through(name, patterns) for name in files), source

@@ -7,7 +7,7 @@ from typing import Final
 
 from bench.machine import processor
 
-PACKAGES: Final = ("highspy", "mujoco", "numba", "numpy", "scipy")
+PACKAGES: Final = ("highspy", "mujoco", "numpy", "scipy")
 """Packages whose versions may change the last digits of a result."""
 KEY_LENGTH: Final = 12
 """Number of hexadecimal digits of a machine's key; 12 distinguish some millions of machines."""

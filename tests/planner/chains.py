@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import Module
 from foldback.planner.chain.path import Path
-from foldback.planner.kernels.backbite import grow
+from foldback.planner.core import grow
 from foldback.planner.motion.motion import Motion, Phase
 from foldback.planner.pathfinding.lattice import neighbours
 from foldback.planner.simulation.reduced_state import State, turned

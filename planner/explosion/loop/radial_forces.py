@@ -8,13 +8,13 @@ from typing import Final, Protocol
 import numpy as np
 
 from foldback.planner.arrays import Array, Ints
+from foldback.planner.core import repulsion
 from foldback.planner.explosion.loop.checkpoint import Pulses
 from foldback.planner.explosion.loop.explosion_loop import (
     PULSE_REPULSION_SCALE,
     RADIAL_GAIN_JITTER,
 )
 from foldback.planner.explosion.loop.step_control import WEAK_TENSION_SCALE, StepControl
-from foldback.planner.kernels.pairs import repulsion
 from foldback.planner.parameters.explosion import ExplosionParameters
 from foldback.planner.simulation.reduced_state import State
 

@@ -6,11 +6,12 @@ import numpy as np
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
+from foldback.planner.core import max_inverse_step_limit, near_pairs
+from foldback.planner.core.structures import PairLimits
 from foldback.planner.explosion.loop.explosion_loop import UNREPELLED_LINKS
 from foldback.planner.explosion.loop.radial_forces import RadialForces
 from foldback.planner.explosion.loop.recorder import Step
 from foldback.planner.explosion.loop.step_control import StepControl
-from foldback.planner.kernels.pairs import PairLimits, max_inverse_step_limit, near_pairs
 from foldback.planner.parameters.explosion import ExplosionParameters
 from foldback.planner.simulation.mujoco_models import Material
 from foldback.planner.simulation.reduced_state import Acceleration, State

@@ -10,8 +10,8 @@ from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import forward_kinematics
 from foldback.planner.chain.table_projection import TableProjection
+from foldback.planner.core import box_cover, distances_at
 from foldback.planner.errors import InputError
-from foldback.planner.kernels.folded_core import box_cover, distances_at
 
 FIELD_PADDING_CELLS: Final = 6
 """Width, in lattice cells, of the margin around the folded core in which the distance field of the

@@ -19,6 +19,8 @@ import numpy as np
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
+from foldback.planner.core import window_forces
+from foldback.planner.core.structures import WindowLoads
 from foldback.planner.explosion.loop.checkpoint import (
     MAX_STALLED_PULSES,
     BendDecrease,
@@ -49,7 +51,6 @@ from foldback.planner.explosion.peeling.window import (
     WindowForces,
     WindowSetting,
 )
-from foldback.planner.kernels.window_forces import WindowLoads, window_forces
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record
 from foldback.planner.parameters.explosion import PeelingParameters

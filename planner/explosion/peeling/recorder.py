@@ -11,9 +11,10 @@ import numpy as np
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.clearance.sweep import windows_shape
+from foldback.planner.core import sweep_frames
+from foldback.planner.core.structures import Angles
 from foldback.planner.explosion.loop.recorder import MIN_CLEARANCE_LOSS_PITCH
 from foldback.planner.explosion.peeling.window import Peelable, WindowConfiguration
-from foldback.planner.kernels.sweep import Angles, sweep_frames
 from foldback.planner.motion.angle_encoding import quantised
 from foldback.planner.motion.motion import Motion
 

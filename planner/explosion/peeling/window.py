@@ -13,12 +13,10 @@ import numpy as np
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
+from foldback.planner.core import FIXED, chain_poses, window_inverse_step_limit
+from foldback.planner.core.structures import CoreCells, PairLimits, StepLimits
 from foldback.planner.explosion.loop.step_control import StepControl
 from foldback.planner.explosion.peeling.core import Core, CoreOnTable
-from foldback.planner.kernels.folded_core import FIXED, CoreCells
-from foldback.planner.kernels.kinematics import chain_poses
-from foldback.planner.kernels.pairs import PairLimits
-from foldback.planner.kernels.window_forces import StepLimits, window_inverse_step_limit
 from foldback.planner.parameters.explosion import PeelingParameters
 from foldback.planner.simulation.contact_finder import ContactFinder
 from foldback.planner.simulation.fixed_base_window import FixedBaseWindow

@@ -17,13 +17,13 @@ from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import Poses, forward_kinematics
 from foldback.planner.chain.table_projection import crosses_itself
+from foldback.planner.core import FIXED
 from foldback.planner.explosion.loop.recorder import Refusal
 from foldback.planner.explosion.peeling.window import (
     MIN_LAST_UNIT_MODULES,
     Peelable,
     WindowConfiguration,
 )
-from foldback.planner.kernels.folded_core import FIXED
 from foldback.planner.motion.record import TableRecord
 from foldback.planner.parameters.explosion import TableParameters
 from foldback.planner.statics.balance import Balance

@@ -9,10 +9,10 @@ import numpy as np
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.table_projection import TableProjection, unwrap_near
+from foldback.planner.core import FIXED
 from foldback.planner.explosion.loop.step_control import StepControl
 from foldback.planner.explosion.peeling.peeling import crossed
 from foldback.planner.explosion.peeling.window import Window
-from foldback.planner.kernels.folded_core import FIXED
 from foldback.planner.parameters.explosion import TableParameters
 
 MAX_TURNING_ERROR_RAD: Final = 0.5 * np.pi

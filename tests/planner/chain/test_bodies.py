@@ -7,17 +7,15 @@ from hypothesis import strategies as st
 
 from foldback.planner.chain.kinematics import forward_kinematics
 from foldback.planner.chain.module import CUBE, TETRAHEDRON, Module
-from foldback.planner.kernels.clearance_bounds import (
-    RELATIVE_COLUMNS,
-    directional_motion_bound,
-    relative_motion_bound,
-)
-from foldback.planner.kernels.motion_bounds import (
+from foldback.planner.core import (
     BODY_COLUMNS,
     DISPLACEMENT_BOUND,
+    RELATIVE_COLUMNS,
     ROTATION,
     VELOCITY,
+    directional_motion_bound,
     move_bodies,
+    relative_motion_bound,
     rod_body,
 )
 from tests.planner.chains import Array
@@ -106,7 +104,6 @@ def test_rod_agrees_with_its_modules_one_by_one(module: Module) -> None:
             straight.positions[t],
             straight.rotations[t],
             half,
-            np.empty((3, 3)),
             body_row,
         )
         np.testing.assert_allclose(body_row[:24], bodies[5 + t, :24], atol=1e-12)

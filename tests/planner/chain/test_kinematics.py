@@ -1,20 +1,18 @@
 import mujoco
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 from foldback.planner.chain.kinematics import forward_kinematics
-from foldback.planner.chain.module import CUBE, TETRAHEDRON, Module
+from foldback.planner.chain.module import CUBE
 from foldback.planner.chain.rotations import (
     aligned_distances,
     matrix_from_wxyz,
     motion_in_plane,
     wxyz_from_matrix,
 )
-from foldback.planner.compilation import may_compile
 from tests.planner.chains import Array, random_rotation
 
 
@@ -65,22 +63,6 @@ def test_poses_agree_with_mujoco(seed: int) -> None:
     poses = forward_kinematics(CUBE, data.qpos)
     np.testing.assert_allclose(poses.positions, data.site_xpos, atol=1e-12)
     np.testing.assert_allclose(poses.rotations.reshape(-1, 9), data.site_xmat, atol=1e-12)
-
-
-@pytest.mark.parametrize(("module", "hinges"), [(CUBE, 18), (TETRAHEDRON, 9)])
-@pytest.mark.parametrize("root", [0, 4])
-@pytest.mark.parametrize("frames", [3, 0])
-def test_forward_kinematics_without_compiler_gives_same_poses(
-    monkeypatch: pytest.MonkeyPatch, module: Module, hinges: int, root: int, frames: int
-) -> None:
-    angles = np.random.default_rng(1).uniform(-1.5, 1.5, (frames, hinges))
-    root_position, root_wxyz = np.full((frames, 3), 0.5), np.tile([0.6, 0, 0.8, 0], (frames, 1))
-    pose = {"root": root, "root_position": root_position, "root_wxyz": root_wxyz}
-    compiled = forward_kinematics(module, angles, **pose)
-    monkeypatch.setattr(may_compile, "_forbidden", True)
-    plain = forward_kinematics(module, angles, **pose)
-    np.testing.assert_allclose(plain.positions, compiled.positions, atol=1e-13)
-    np.testing.assert_allclose(plain.rotations, compiled.rotations, atol=1e-13)
 
 
 quaternions = (

@@ -13,11 +13,11 @@ import numpy as np
 from numpy import cross, minimum
 from numpy.typing import NDArray
 
+from foldback.planner import core
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import forward_kinematics
 from foldback.planner.clearance.sweep import BOUND_RATIO
-from foldback.planner.kernels import sweep as kernel
-from foldback.planner.kernels.module import Hull
+from foldback.planner.core.structures import Hull
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -182,14 +182,14 @@ def near_pairs(bodies: Body, interval: Interval, h: float, reach: float) -> tupl
     chain, size, *_, low, high = interval
     i, j = np.triu_indices(len(chain), chain.module.apart)
     nearing, bent = bodies.D[i] + bodies.D[j], (low <= i) & (j <= high)
-    large = bodies.D[low : high + 1].max() > kernel.LARGE_MOTION
+    large = bodies.D[low : high + 1].max() > core.LARGE_MOTION
     if large:
         by_hinges = h * abs(bodies.S[j] - bodies.S[i]) * (j - i)
         nearing = np.where(bent, minimum(nearing, by_hinges), nearing)
     near = norm(bodies.p[j] - bodies.p[i]) - 2.0 * chain.module.radius * size - reach < nearing
     near &= (j > low) & (i < high)  # the others are rigid with each other
-    too_many = large and (near & bent).sum() > kernel.MAX_PAIRS_PER_MODULE * (high - low + 1)
-    swinging = near & (j > high) & (bodies.D[j] > kernel.LARGE_MOTION)
+    too_many = large and (near & bent).sum() > core.MAX_PAIRS_PER_MODULE * (high - low + 1)
+    swinging = near & (j > high) & (bodies.D[j] > core.LARGE_MOTION)
     return np.stack([i, j], axis=1)[near], bool(too_many or swinging.any())
 
 
@@ -232,14 +232,14 @@ def prove_interval(interval: Interval, cutoff: float, minimum: float) -> tuple[f
         if too_large:
             bodies = motion(interval, middle, 0.0)
             pairs, _ = near_pairs(bodies, interval, 0.0, 0.0)
-        tight = BOUND_RATIO * min(minimum, clearance) * (bisections < kernel.TIGHT_BISECTIONS)
-        target, width = max(kernel.ROUNDING_MARGIN, tight), 0.0 if too_large else h
+        tight = BOUND_RATIO * min(minimum, clearance) * (bisections < core.TIGHT_BISECTIONS)
+        target, width = max(core.ROUNDING_MARGIN, tight), 0.0 if too_large else h
         now, proved, unresolved = check(bodies, interval, pairs, width, cutoff, target)
         clearance = min(clearance, now)
         bound = bound if too_large else min(bound, proved)
         if not too_large and len(unresolved) == 0:
             continue
-        limit = kernel.MAX_COARSE_BISECTIONS if too_large else kernel.MAX_BISECTIONS
+        limit = core.MAX_COARSE_BISECTIONS if too_large else core.MAX_BISECTIONS
         if now <= 0.0 or bisections == limit:
             return clearance, None
         pairs = None if too_large else unresolved

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import CUBE, TETRAHEDRON
-from foldback.planner.kernels.clearance import pair_separation
+from foldback.planner.core import pair_separation
 from foldback.planner.simulation.contact_finder import robot_contacts
 from foldback.planner.simulation.reduced_state import turned
 from tests.planner.chains import Array, line, random_rotation

@@ -16,7 +16,7 @@ from foldback.planner.clearance.margins import (
     unproved_margins,
 )
 from foldback.planner.clearance.sweep import disturbed_sweep, pair_clearance, sweep
-from foldback.planner.kernels.clearance_bounds import Tolerance
+from foldback.planner.core.structures import Tolerance
 from foldback.planner.motion.motion import Motion, as_motion
 from tests.planner.chains import Array, coil
 from tests.planner.clearance.test_proof import random_chain

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from foldback.planner.kernels import pairs as module
-from foldback.planner.kernels.pairs import PairLimits, max_inverse_step_limit, near_pairs
+from foldback.planner.core import max_inverse_step_limit, near_pairs
+from foldback.planner.core.structures import PairLimits
 from foldback.planner.simulation.mujoco_models import Material
 from foldback.planner.simulation.segments import Segments
 from tests.planner.chains import Array, line, random_state
@@ -27,9 +27,9 @@ def all_pairs(points: Array, cutoff: float, apart: int) -> set[tuple[int, int]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("maximum", [150, 1300])
+@pytest.mark.parametrize("maximum", [200, 1300])
 def test_all_pairs_are_found(maximum: int) -> None:
-    for seed in range(30 if maximum < module.MIN_GRID_POINTS else 3):
+    for seed in range(30 if maximum == 200 else 3):
         rng = np.random.default_rng(seed)
         cutoff, apart = rng.uniform(0.5, 5.0), int(rng.integers(1, 6))
         points = random_walk(maximum - int(rng.integers(0, 149)), seed, rng.uniform(0.0, 3.0))

@@ -8,8 +8,7 @@ import pytest
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.chain.rotations import wxyz_from_matrix
-from foldback.planner.kernels.articulated import Accelerations, Loads
-from foldback.planner.kernels.module import Lumps
+from foldback.planner.core.structures import Accelerations, Loads, Lumps
 from foldback.planner.simulation.contact_finder import ContactFinder
 from foldback.planner.simulation.engine import Engine, build_chain_model
 from foldback.planner.simulation.mujoco_models import Material, tree_spec

@@ -8,6 +8,8 @@ import pytest
 
 from foldback.planner.chain.chain import Chain
 from foldback.planner.clearance.sweep import sweep
+from foldback.planner.core import window_inverse_step_limit
+from foldback.planner.core.structures import CoreCells, ModuleStates, PairLimits, StepLimits
 from foldback.planner.errors import InputError
 from foldback.planner.explosion.loop.explosion_loop import Watch, return_to_checkpoint, step
 from foldback.planner.explosion.loop.step_control import ContactDepth
@@ -15,10 +17,6 @@ from foldback.planner.explosion.peeling.peeling import floating_peeling, peel
 from foldback.planner.explosion.peeling.recorder import Proof
 from foldback.planner.explosion.peeling.run import Peeling
 from foldback.planner.explosion.peeling.window import WindowConfiguration
-from foldback.planner.kernels.folded_core import CoreCells
-from foldback.planner.kernels.module import ModuleStates
-from foldback.planner.kernels.pairs import PairLimits
-from foldback.planner.kernels.window_forces import StepLimits, window_inverse_step_limit
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record
 from foldback.planner.parameters.explosion import PeelingParameters

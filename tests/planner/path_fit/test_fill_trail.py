@@ -8,9 +8,8 @@ import pytest
 from foldback.planner.arrays import Ints
 from foldback.planner.chain.honeycomb import rings_with, tetrahedra_at
 from foldback.planner.chain.trail import hinge_axes
-from foldback.planner.kernels.path_annealing import CLOSED, FULL, Field
-from foldback.planner.kernels.pose_bounds import count_in_tetrahedra
-from foldback.planner.kernels.trails import anneal_trail
+from foldback.planner.core import FULL, anneal_trail, count_in_tetrahedra
+from foldback.planner.core.structures import CLOSED, Field
 from foldback.planner.path_fit.fill_trail import fill_with_trail
 from foldback.planner.path_fit.fit import schedule
 from foldback.planner.pathfinding.eulerian_circuits import eulerian_circuit

@@ -5,7 +5,8 @@ from hashlib import sha256
 import numpy as np
 
 from foldback.planner.arrays import Ints
-from foldback.planner.kernels.path_annealing import CLOSED, FULL, MOVES, Field, Schedule, anneal
+from foldback.planner.core import FULL, MOVES, anneal
+from foldback.planner.core.structures import CLOSED, Field, Schedule
 from foldback.planner.path_fit.fit import first_step, schedule
 from tests.case import case
 

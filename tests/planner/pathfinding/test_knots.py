@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from foldback.planner.core import simplified, tightened
 from foldback.planner.errors import InputError
-from foldback.planner.kernels.knots import simplified, tightened
 from foldback.planner.pathfinding.knots import Knot, knot_of, knot_of_polygon
 from foldback.planner.pathfinding.knots import _determinant as exact_determinant
 from foldback.planner.pathfinding.knots import _fewest_crossings as fewest_crossings

@@ -3,8 +3,8 @@ import pytest
 
 from foldback.planner.chain.chain import Chain
 from foldback.planner.clearance.sweep import sweep
+from foldback.planner.core import mark_blamed_hinges
 from foldback.planner.errors import InputError
-from foldback.planner.kernels.smoothing import mark_blamed_hinges
 from foldback.planner.playback.reference_curve import record_lengths
 from foldback.planner.robot.motion_quality import Quality
 from foldback.planner.robot.smoothing import DISTANCE_WEIGHT, FRAME_SPACING_RANGE_RAD, smooth

@@ -10,10 +10,9 @@ from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.clearance.sweep import sweep
+from foldback.planner.core import GAP_TOLERANCE, pair_separation, tetrahedron_turning_gap
 from foldback.planner.errors import InputError
 from foldback.planner.explosion.strategies import ranked_strategies
-from foldback.planner.kernels.clearance import pair_separation
-from foldback.planner.kernels.tetrahedron_turns import GAP_TOLERANCE, turning_gap
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.pipeline.fold import fold
 from foldback.planner.readers import read
@@ -47,7 +46,7 @@ def test_gap_of_a_turning_tetrahedron_is_that_of_many_samples() -> None:
     clear = 0
     for _ in range(150):
         a, b = int(random.integers(41, 60)), int(random.integers(20, 40))
-        gap = turning_gap(cells[a], cells[b], TETRAHEDRON.hull, SIZE, reach)
+        gap = tetrahedron_turning_gap(cells[a], cells[b], TETRAHEDRON.hull, SIZE, reach)
         minimum = 1.0
         for angle in np.linspace(0.0, np.pi / 2, 201):
             c, s = np.cos(angle), np.sin(angle)

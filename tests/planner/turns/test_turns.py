@@ -13,12 +13,12 @@ from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.chain.path import Path
 from foldback.planner.chain.rotations import QUARTER_RAD
 from foldback.planner.clearance.sweep import sweep
+from foldback.planner.core import cube_turning_gap
 from foldback.planner.errors import InputError
 from foldback.planner.explosion.blocking import no_quarter_turn
 from foldback.planner.explosion.diagnosis import diagnose
 from foldback.planner.explosion.strategies import ranked_strategies
 from foldback.planner.explosion.turning import unfold_in_turns
-from foldback.planner.kernels.cube_turns import turning_gap
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.pipeline.fold import fold
 from foldback.planner.pipeline.request import FoldRequest
@@ -58,7 +58,7 @@ def test_gap_of_a_turning_square_is_that_of_many_samples() -> None:
         a, b, c, d = random.integers(-6, 7, 4)
         if (a, b) == (c, d):
             continue
-        gap, sampled = turning_gap(a, b, c, d, 0.475), sampled_gap(a, b, c, d, 0.475)
+        gap, sampled = cube_turning_gap(a, b, c, d, 0.475), sampled_gap(a, b, c, d, 0.475)
         assert gap <= sampled + 1e-9
         # Between two samples a corner goes at most its radius times half their distance.
         assert sampled - gap <= 0.5 * (np.hypot(a, b) + 0.7) * (np.pi / 2) / 400

@@ -9,12 +9,9 @@ from typing import Any
 from unittest.mock import MagicMock
 
 import pytest
-from numba import njit
 from typer.testing import CliRunner
 
-from foldback.cli.progress_bars import compute
 from foldback.cli.summary import show
-from foldback.planner.pipeline import stages
 from foldback.planner.readers.gallery import Gallery
 from foldback.server.cli.command_line import COMMANDS, application
 from tests.run_python import ROOT, run_python
@@ -90,19 +87,6 @@ def test_terminal_counts_modules_and_frames_from_one(
     )
 
 
-def test_compiling_is_reported_while_it_lasts(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def report_compiling(*_: object, **__: object) -> dict[str, object]:
-        njit(lambda: 0)()
-        return {}
-
-    monkeypatch.setattr(stages, "run_stage", report_compiling)
-    monkeypatch.setattr(stages, "next_stage", MagicMock(return_value=None))
-    assert compute(tmp_path, 1) == {}
-    assert "compiling (once on each machine)" in capsys.readouterr().err
-
-
 def test_unknown_shape_is_refused_with_similar_names(tmp_path: Path) -> None:
     answer = foldback("fold", "wrench-161", "--out", str(tmp_path / "fold"))
     assert answer.returncode == 2
@@ -112,11 +96,9 @@ def test_unknown_shape_is_refused_with_similar_names(tmp_path: Path) -> None:
 
 
 WEB = {"fastapi", "sqlalchemy", "uvicorn", "viser"}
-PHYSICS = {"mujoco", "numba", "numpy", "scipy", "zarr"}
+PHYSICS = {"mujoco", "numpy", "scipy", "zarr"}
 COMPUTING = {
-    "llvmlite",
     "mujoco",
-    "numba",
     "pysat",
     "scipy",
     "zarr",

@@ -268,14 +268,11 @@ def test_missing_or_poor_encoder_is_a_warning(
 
 
 @pytest.mark.processes
-@pytest.mark.long
-def test_kernels_that_cannot_be_cached_are_a_problem(
+def test_core_that_does_not_suit_the_processor_is_a_problem(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    assert str(tmp_path) in drawing.kernels(settings(tmp_path)).found
-    (tmp_path / "sitecustomize.py").write_text(
-        "import numba.core.caching as it\nit.CacheImpl._locator_classes = []\n"  # none suits
-    )
+    assert drawing.core(settings(tmp_path)).found == "the compiled core computes"
+    crash = "import os, signal\nos.kill(os.getpid(), signal.SIGILL)"
+    (tmp_path / "sitecustomize.py").write_text(crash)
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
-    check_finding(drawing.kernels(settings(tmp_path)), "problem", "cannot cache", "NUMBA_CACHE_DIR")
+    check_finding(drawing.core(settings(tmp_path)), "problem", "crashed (signal 4)", "BASELINE=ON")

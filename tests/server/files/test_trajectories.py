@@ -29,29 +29,7 @@ from foldback.server.files.trajectories import (
 from foldback.server.processes.children import Pool
 from foldback.server.processes.retime_task import clearance, motors, retime
 from foldback.server.settings import Settings
-from tests.compiled_later import compiled_later
 from tests.server.files.test_damage import SMALL
-
-IMPORTS = """
-import shutil
-from pathlib import Path
-from tempfile import TemporaryDirectory
-from foldback.server.processes.retime_task import clearance, motors, retime, warm_up
-"""
-WORK = """
-request = {"max_speed": 1.0, "max_acceleration": 2.0, "module_mass_kg": 0.1, "pitch_m": None,
-           "motor_torque_nm": 0.01, "form": "json"}
-for task, more in (
-    (retime, {}),
-    (clearance, {"rate_hz": 1.0}),
-    (motors, {"held": True, "gravity_m_s2": 9.81}),
-    (motors, {"held": False, "gravity_m_s2": 0.0}),
-):
-    with TemporaryDirectory() as place:
-        shutil.copyfile(sys.argv[1], Path(place) / "plan.npz")
-        (Path(place) / "request.json").write_text(json.dumps({**request, **more}))
-        task(Path(place))
-"""
 
 
 class TasksInProcess:
@@ -186,11 +164,6 @@ def test_trajectories_sent_to_one_address_are_limited(motions: Motions) -> None:
     trajectories.stream("b").leave()
     places[0].leave()
     trajectories.stream("a").leave()
-
-
-@pytest.mark.processes
-def test_retiming_compiles_nothing_after_the_start(plan: Path) -> None:
-    assert compiled_later(IMPORTS, WORK, str(plan)) == []
 
 
 def test_equal_requests_share_one_trajectory_without_threads(motions: Motions) -> None:

@@ -1,4 +1,4 @@
-"""Pages without a compiler: the web process answers although numba cannot be imported."""
+"""Pages of shipped folds, in a process without workers."""
 
 from pathlib import Path
 
@@ -12,15 +12,12 @@ PROGRAM = """
 import sys
 from pathlib import Path
 
-sys.modules["numba"] = None  # an import of the compiler fails
 from fastapi.testclient import TestClient
-from foldback.planner.compilation.may_compile import forbid_compiling
 from foldback.server.submission import shipped_folds
 from foldback.server.app import create_app
 from foldback.server.cli.serve import _fold_first
 from foldback.server.settings import Settings
 
-forbid_compiling()
 shipped_folds.SHIPPED_FOLDS_DIR = Path(sys.argv[2])
 app = create_app(Settings(data_dir=sys.argv[1], workers=0, prewarm=False))
 with TestClient(app, base_url="http://127.0.0.1:8000") as client:
@@ -50,7 +47,7 @@ def test_files_of_the_landing_page_exist() -> None:
 
 @pytest.mark.processes
 @pytest.mark.slow
-def test_pages_are_answered_without_a_compiler(tmp_path: Path) -> None:
+def test_pages_of_shipped_folds_are_answered(tmp_path: Path) -> None:
     folds = tmp_path / "finished"
     folds.mkdir()
     for name in ("tetra-cube-2", "wrench-160", "wrench-80-to-mallet-80"):  # one of each kind

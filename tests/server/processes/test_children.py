@@ -45,15 +45,12 @@ def stand_in(name, works="", **has):
     return sys.modules[name]
 
 for name in (
-    "mujoco numba numba.core scipy.interpolate scipy.ndimage scipy.optimize scipy.sparse.csgraph "
+    "mujoco scipy.interpolate scipy.ndimage scipy.optimize scipy.sparse.csgraph "
     "trimesh zarr.codecs foldback.planner.pathfinding.filling_methods "
     "foldback.planner.pathfinding.shape_overlap foldback.planner.pipeline.prepare "
     "foldback.planner.shapes.decimation foldback.planner.table_paths.offers"
 ).split():
     stand_in(name)
-stand_in("numba.core.caching", Cache=types.SimpleNamespace())
-stand_in("numba.core.event", "Event", Listener=object, install_listener=lambda *_: nullcontext())
-stand_in("foldback.planner.kernels", __path__=[])
 staging = stand_in("foldback.planner.pipeline.stages", "run_stage")
 warming = stand_in("foldback.planner.pipeline.warm_up", "warm_up warm_up_folding")
 finding = stand_in("foldback.planner.pipeline.warm_up_paths", "warm_up_fit warm_up_paths")

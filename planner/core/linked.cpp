@@ -1,0 +1,185 @@
+// Depth by which linked modules overlap during a motion: decision 0018.
+//
+// The relative pose of two linked modules depends on the angles of their joint alone. The near face
+// of the next module faces a direction d of length 1; the module extends through that face by
+// h = max v·d − c, over its corners v in the joint's frame, with c the distance of the face. The
+// overlap is at most h. Between two frames the hinges turn evenly, by Δq: every v·d then stays
+// within |v| (Σ|Δq|)²/8 of linear interpolation, and h is at most the larger one of both ends plus
+// as much.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "clearance.hpp"
+#include "module_bindings.hpp"
+
+namespace foldback {
+
+namespace {
+
+constexpr double INFINITE = std::numeric_limits<double>::infinity();
+
+// A joint and the two hulls that it links.
+struct Link {
+  Joint joint;
+  Hull hull;
+  double size;
+  View<const double, 1> face;  // unit normal of the next module's near face, in that module's frame
+  double distance;             // of that face from the joint, in pitches
+};
+auto fields(Link &l) { return std::tie(l.joint, l.hull, l.size, l.face, l.distance); }
+
+// Windows of hinge angles: before a window hinges have their folded angle, behind it 0.
+struct Windows {
+  View<const double, 1> folded;
+  View<const Index, 1> first, offsets;
+  View<const double, 1> values;
+
+  Index frames() const { return first.size(); }
+  Index end(Index frame) const { return first[frame] + offsets[frame + 1] - offsets[frame]; }
+  double angle(Index frame, Index hinge) const {
+    if (hinge < first[frame]) return folded[hinge];
+    return hinge < end(frame) ? values[offsets[frame] + hinge - first[frame]] : 0.0;
+  }
+};
+
+// The deepest overlap of a motion.
+struct Overlap {
+  double depth = 0.0;  // in pitches; 0 if nothing overlaps
+  double frame = 0.0;  // a half means halfway between two frames
+  Index joint = -1;    // −1 if nothing overlaps
+  double bound = 0.0;  // of the overlap over the whole motion
+};
+
+// A vector rotated about an axis of length 1: Rodrigues' formula.
+Vector<double> rotate_about(const double *axis, double angle, const Vector<double> &v) {
+  double c = std::cos(angle), s = std::sin(angle);
+  Vector<double> n = load(axis), across = cross(n, v);
+  double along = dot(n, v) * (1.0 - c);
+  return {c * v.x + s * across.x + along * n.x, c * v.y + s * across.y + along * n.y,
+          c * v.z + s * across.z + along * n.z};
+}
+
+class LinkedOverlap {
+ public:
+  LinkedOverlap(const Link &link, const Windows &windows)
+      : link_(link),
+        windows_(windows),
+        solid_(link.hull, link.size),
+        here_(link.joint.hinges()),
+        there_(here_.size()),
+        halfway_(here_.size()) {
+    for (Index v = 0; v < link.hull.vertices.size(); ++v) {
+      corners_.push_back(scaled(load(link.hull.vertices[v].data()), link.size) -
+                         load(link.joint.anchor.data()));
+      longest_ = std::max(longest_, std::sqrt(dot(corners_.back(), corners_.back())));
+    }
+  }
+
+  // Find the deepest overlap at all frames and halfway between them.
+  Overlap run() {
+    const Index hinges = link_.joint.hinges(), frames = windows_.frames();
+    for (Index k = 0; k < frames; ++k) {
+      Index to = std::min(k + 1, frames - 1);
+      Index low = std::min(windows_.first[k], windows_.first[to]);
+      Index high = std::max(windows_.end(k), windows_.end(to));
+      for (Index j = low / hinges; j < (high + hinges - 1) / hinges; ++j) look_at(j, k, to);
+    }
+    return deepest_;
+  }
+
+ private:
+  void look_at(Index joint, Index frame, Index to) {
+    double turned = 0.0;
+    for (std::size_t a = 0; a < here_.size(); ++a) {
+      Index hinge = joint * static_cast<Index>(here_.size()) + static_cast<Index>(a);
+      here_[a] = windows_.angle(frame, hinge);
+      there_[a] = windows_.angle(to, hinge);
+      halfway_[a] = 0.5 * (here_[a] + there_[a]);
+      turned += std::abs(there_[a] - here_[a]);
+    }
+    double begins = extension(here_), ends = extension(there_);
+    deepest_.bound =
+        std::max(deepest_.bound, std::max(begins, ends) + longest_ * (turned * turned) / 8.0);
+    if (begins > deepest_.depth) compare(here_, joint, static_cast<double>(frame));
+    if (to > frame && extension(halfway_) > deepest_.depth)
+      compare(halfway_, joint, static_cast<double>(frame) + 0.5);
+  }
+
+  void compare(const std::vector<double> &angles, Index joint, double frame) {
+    double depth = overlap(angles);
+    if (depth > deepest_.depth) {
+      deepest_.depth = depth;
+      deepest_.frame = frame;
+      deepest_.joint = joint;
+    }
+  }
+
+  // h, by which the module extends through the near face of the next one, in pitches.
+  double extension(const std::vector<double> &angles) const {
+    Vector<double> towards = rotate(load_matrix(link_.joint.turn.data()), link_.face.data());
+    for (std::size_t k = angles.size(); k-- > 0;)
+      towards = rotate_about(link_.joint.axes[k].data(), angles[k], towards);
+    double extent = -INFINITE;
+    for (const Vector<double> &corner : corners_) extent = std::max(extent, dot(corner, towards));
+    return extent - link_.distance;
+  }
+
+  // Overlap of the two modules by separating axes, in pitches; below 0 if they are apart.
+  double overlap(const std::vector<double> &angles) const {
+    Matrix<double> rotation;
+    Vector<double> gap{0.0, 0.0, 0.0};
+    for (int c = 0; c < 3; ++c) {
+      Vector<double> column{link_.joint.turn(0, c), link_.joint.turn(1, c), link_.joint.turn(2, c)};
+      for (std::size_t k = angles.size(); k-- > 0;)
+        column = rotate_about(link_.joint.axes[k].data(), angles[k], column);
+      for (int r = 0; r < 3; ++r) {
+        rotation(r, c) = column[r];
+        gap[r] += column[r] * link_.joint.offset[c];
+      }
+    }
+    const Matrix<double> upright{{1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0}};
+    gap = gap + load(link_.joint.anchor.data());
+    return -solid_.separation(gap, upright, rotation, INFINITE).distance;
+  }
+
+  const Link &link_;
+  const Windows &windows_;
+  Solid solid_;
+  std::vector<double> here_, there_, halfway_;  // angles of a joint
+  std::vector<Vector<double>> corners_;         // v
+  double longest_ = 0.0;                        // of |v|
+  Overlap deepest_;
+};
+
+}  // namespace
+
+void bind_linked(nanobind::module_ &m) {
+  namespace nb = nanobind;
+  m.def(
+      "deepest_overlap",
+      [](Link link, View<const double, 1> folded, View<const Index, 1> first,
+         View<const Index, 1> offsets, View<const double, 1> values) {
+        require_joint(link.joint);
+        require_hull(link.hull);
+        require(link.joint.hinges() > 0, "link.joint.axes: at least one hinge");
+        require(link.face.size() == 3, "link.face: (3,)");
+        require(folded.size() % link.joint.hinges() == 0, "folded: all hinges of joints");
+        Windows windows{folded, first, offsets, values};
+        require(offsets.size() == first.size() + 1, "offsets: (F + 1,)");
+        for (Index k = 0; k < first.size(); ++k)
+          require(first[k] >= 0 && offsets[k] >= 0 && offsets[k] <= offsets[k + 1] &&
+                      offsets[k + 1] <= values.size() && windows.end(k) <= folded.size(),
+                  "first, offsets: windows of the chain's hinges");
+        Overlap deepest;
+        {
+          nb::gil_scoped_release release;
+          deepest = LinkedOverlap(link, windows).run();
+        }
+        return named_tuple("Overlap", deepest.depth, deepest.frame, deepest.joint, deepest.bound);
+      },
+      nb::arg("link"), nb::arg("folded"), nb::arg("first"), nb::arg("offsets"), nb::arg("values"),
+      "Find the deepest overlap of linked modules at all frames and halfway between them.");
+}
+
+}  // namespace foldback

@@ -1,0 +1,687 @@
+"""What the compiled core takes and returns: named tuples of numbers and arrays, and constants.
+
+Lengths are in pitches, masses in module masses, times in seconds and angles in radians.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Pairs = NDArray[np.int64]
+Indices = NDArray[np.int64]
+Int32s = NDArray[np.int32]
+Flags = NDArray[np.bool_]
+Grid = NDArray[np.int32]
+Levels = NDArray[np.int8]
+"""Levels of the hinges of a chain that turns by right angles: −1, 0 or 1 quarter turns each."""
+
+
+class Joint(NamedTuple):
+    """Pose of a module relative to the module before it, in pitches.
+
+    Attributes:
+        rigid_links: Number of links without hinges at the start of a chain.
+        anchor: (3,) centre of the joint in the frame of the module before it.
+        axes: (K, 3) unit hinge axes, outermost first.
+        turn: (3, 3) fixed rotation from the joint's frame to the next module's frame.
+        offset: (3,) centre of the next module seen from the joint, in the next module's frame.
+    """
+
+    rigid_links: int
+    anchor: Array
+    axes: Array
+    turn: Array
+    offset: Array
+
+
+class Hull(NamedTuple):
+    """Convex polyhedron of a module at full size, about its centre, in pitches.
+
+    Attributes:
+        vertices: (V, 3) corners.
+        normals: (A, 3) unit normals of its faces, one of each parallel pair.
+        edges: (E, 3) unit directions of its edges, one of each parallel set.
+        radius: Distance from the centre to the farthest corner.
+    """
+
+    vertices: Array
+    normals: Array
+    edges: Array
+    radius: float
+
+
+class ModuleStates(NamedTuple):
+    """Poses and velocities of all n modules, in the world frame.
+
+    Attributes:
+        positions: (n, 3) centres, in pitches.
+        rotations: (n, 3, 3) orientations.
+        velocities: (n, 3) velocities of the centres, in pitches per second.
+        angular_velocities: (n, 3) ω, in rad/s.
+    """
+
+    positions: Array
+    rotations: Array
+    velocities: Array
+    angular_velocities: Array
+
+    @classmethod
+    def empty(cls, modules: int) -> ModuleStates:
+        """Return uninitialised arrays for a number of modules."""
+        return cls(
+            np.empty((modules, 3)),
+            np.empty((modules, 3, 3)),
+            np.empty((modules, 3)),
+            np.empty((modules, 3)),
+        )
+
+
+class ReducedState(NamedTuple):
+    """Generalised coordinates of a free chain and their velocities.
+
+    Attributes:
+        q: (J,) hinge angles, in rad.
+        qd: (J,) hinge rates q̇, in rad/s.
+        position: (3,) centre of the root, in pitches.
+        rotation: (3, 3) orientation of the root.
+        velocity: (3,) velocity of the root in the world frame.
+        angular_velocity: (3,) ω of the root in its own frame.
+    """
+
+    q: Array
+    qd: Array
+    position: Array
+    rotation: Array
+    velocity: Array
+    angular_velocity: Array
+
+
+class Lumps(NamedTuple):
+    """Rigid bodies fixed to the first and to the last module of a chain, of mass 0 for none.
+
+    Attributes:
+        masses: (2,) masses, in module masses.
+        centres: (2, 3) centres of mass, in the frames of the modules, in pitches.
+        axes: (2, 3, 3) principal axes of inertia as columns, in the frames of the modules.
+        moments: (2, 3) principal moments about the centres of mass, in module mass · pitch².
+    """
+
+    masses: Array
+    centres: Array
+    axes: Array
+    moments: Array
+
+    @classmethod
+    def none(cls) -> Lumps:
+        """Return lumps of mass 0."""
+        return cls(np.zeros(2), np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3)))
+
+
+class ChainModel(NamedTuple):
+    """Inertial parameters of a chain of n modules.
+
+    Attributes:
+        joint: The module's joint.
+        masses: (n,) masses of the modules, in module masses.
+        inertia: (3,) principal moments of a module of mass 1 about its centre, in pitch².
+        lumps: Rigid bodies at both ends of the chain.
+        fixed_base: True if module 0 is held.
+        root: Index of the module whose motion is part of the reduced state.
+    """
+
+    joint: Joint
+    masses: Array
+    inertia: Array
+    lumps: Lumps
+    fixed_base: bool
+    root: int
+
+
+class Loads(NamedTuple):
+    """Forces on a chain, and the rotor inertias of its hinges.
+
+    Attributes:
+        torques: (J,) τ of the hinges, in module mass · pitch² / s².
+        rotor_inertias: (J,) rotor inertias of the hinges, in module mass · pitch².
+        forces: (n, 3) forces at the modules' centres, in the world frame.
+        end_torque: (3,) torque on the last module, in the world frame.
+    """
+
+    torques: Array
+    rotor_inertias: Array
+    forces: Array
+    end_torque: Array
+
+
+class ArticulatedBodies(NamedTuple):
+    """Articulated-body quantities of the joint before each of n modules, of K hinges.
+
+    Attributes:
+        S: (n, K, 6) motion subspace: spatial accelerations of the module per q̈.
+        U: (n, K, 6) IA S.
+        D: (n, K, K) Sᵀ U, with the rotor inertias.
+        root_inertia: (6, 6) IA of module 0.
+        root_acceleration: (6,) spatial acceleration of module 0 without contacts.
+    """
+
+    S: Array
+    U: Array
+    D: Array
+    root_inertia: Array
+    root_acceleration: Array
+
+    @classmethod
+    def zeros(cls, modules: int, hinges: int) -> ArticulatedBodies:
+        """Return arrays of zeros for a number of modules with K hinges a joint."""
+        return cls(
+            np.zeros((modules, hinges, 6)),
+            np.zeros((modules, hinges, 6)),
+            np.zeros((modules, hinges, hinges)),
+            np.zeros((6, 6)),
+            np.zeros(6),
+        )
+
+
+class Accelerations(NamedTuple):
+    """Accelerations of a chain.
+
+    Attributes:
+        qdd: (J,) hinge accelerations q̈, in rad/s².
+        root: (6,) spatial acceleration of the root at its centre, in the world frame.
+    """
+
+    qdd: Array
+    root: Array
+
+
+MAX_DIRECT_CONTACTS = 500
+"""Maximum number of contact points of a simulation step whose forces are solved exactly, at a cost
+that grows with the square of their number; with more, forces are approximate, off by some per cent.
+Decision 0015."""
+
+
+class PairContacts(NamedTuple):
+    """Contact points between modules.
+
+    Attributes:
+        pairs: (m, 2) modules; the normal points to the second one.
+        normals: (m, 3) unit normals in the world frame.
+        points: (m, 3) points in the world frame, in pitches.
+        depths: (m,) depths of penetration, in pitches.
+    """
+
+    pairs: Ints
+    normals: Array
+    points: Array
+    depths: Array
+
+
+class ContactModel(NamedTuple):
+    """Stiffness of all contacts, in MuJoCo's parameters.
+
+    Attributes:
+        time_constant: Time in s in which a penetration decays, ``solref[0]``.
+        damping_ratio: 1 for critical damping, ``solref[1]``.
+        solimp: (5,) impedance as a function of depth.
+    """
+
+    time_constant: float
+    damping_ratio: float
+    solimp: Array
+
+
+class RobotServos(NamedTuple):
+    """Position servos of J hinges. Torques are in module mass · pitch² / s².
+
+    Attributes:
+        offsets: (J,) offsets of the encoders, in rad.
+        friction: (J,) largest torques of dry friction.
+        encoder_rad: Resolution of the encoders; 0 for none.
+        stiffness: kp, torque per rad.
+        damping: kv, torque per rad/s.
+        expected_friction: Dry friction that the servos compensate.
+    """
+
+    offsets: Array
+    friction: Array
+    encoder_rad: float
+    stiffness: float
+    damping: float
+    expected_friction: float
+
+
+class ServoTarget(NamedTuple):
+    """Setpoint of J servos for the end of a step.
+
+    Attributes:
+        q, qd: (J,) hinge angles and rates.
+        feedforward: (J,) torques that a robot without errors needs for them.
+    """
+
+    q: Array
+    qd: Array
+    feedforward: Array
+
+
+class SegmentLayout(NamedTuple):
+    """Indices of a chain's S segments in MuJoCo's state.
+
+    Attributes:
+        starts: (S,) first modules of the segments.
+        hinge_qpos, hinge_dofs: (J,) indices of the hinges in ``qpos`` and ``qvel``.
+        root_qpos, root_dofs: (S,) first indices of the segments' free joints there.
+    """
+
+    starts: Ints
+    hinge_qpos: Ints
+    hinge_dofs: Ints
+    root_qpos: Ints
+    root_dofs: Ints
+
+
+class PairLimits(NamedTuple):
+    """Allowed displacements of two modules relative to each other in one step, in pitches.
+
+    Attributes:
+        radius: Radius of both modules; beyond twice that, they cannot touch.
+        approach: By how much they may come nearer.
+        slide: By how much they may slide along each other.
+    """
+
+    radius: float
+    approach: float
+    slide: float
+
+
+class Solid(NamedTuple):
+    """A module as a solid.
+
+    Attributes:
+        hull: Full-size hull.
+        size: Scale of the hull.
+        inner_radius: Radius of the largest ball about the full-size module's centre that fits into
+            it, in pitches.
+    """
+
+    hull: Hull
+    size: float
+    inner_radius: float
+
+
+class Tolerance(NamedTuple):
+    """Errors of hinges that a motion must stand: those of one hinge, and those of all hinges.
+
+    Attributes:
+        one_hinge_rad: Error of any one hinge while all others are exact, at any moment, in radians.
+        each_hinge_rad: ε, largest error of each hinge, independent of the others, in radians.
+        deviations: κ of lemma 12: how many standard deviations of a sum of errors are covered.
+        spare: Distance in pitches that must remain besides.
+    """
+
+    one_hinge_rad: float
+    each_hinge_rad: float
+    deviations: float
+    spare: float
+
+
+class Levers(NamedTuple):
+    """Distances of the joints between two modules a and b from points of these, in pitches.
+
+    Attributes:
+        longest: Largest over the joints of the smaller distance, from points of a or b: lemma 11.
+        total, squares: Sum of the distances from points of b, and of their squares: lemma 12.
+    """
+
+    longest: float
+    total: float
+    squares: float
+
+
+class Shape(NamedTuple):
+    """A chain as the sweep sees it.
+
+    Attributes:
+        joint, hull: Of the module.
+        size: Scale of the hull.
+        min_checked_gap: Pairs fewer links apart are not checked.
+        root: Module held still when there is no folded core; −1 when the core is.
+        folded_rad: (J,) hinge angles of the folded core.
+        core: (n, BODY_COLUMNS) the folded modules as bodies at rest.
+        boxes: (n, 6) corners of the box around the centres of the folded modules up to each.
+        origin, width, cells, starts, members: A grid of the folded centres: its corner (3,), the
+            width of a cell in pitches, the number of cells along x, y and z; cell c holds
+            ``members[starts[c]:starts[c + 1]]``, and c counts along z first.
+        tail_positions, tail_rotations: (n, 3), (n, 3, 3) modules of a straight tail in the frame
+            of the module that it begins at.
+        tolerance: Errors of hinges whose effect is taken off every clearance.
+    """
+
+    joint: Joint
+    hull: Hull
+    size: float
+    min_checked_gap: int
+    root: int
+    folded_rad: Array
+    core: Array
+    boxes: Array
+    origin: Array
+    width: float
+    cells: Ints
+    starts: Ints
+    members: Ints
+    tail_positions: Array
+    tail_rotations: Array
+    tolerance: Tolerance
+
+
+class Angles(NamedTuple):
+    """Hinge angles of frames.
+
+    Attributes:
+        first: (F,) first hinge of each frame's window.
+        offsets: (F + 1,) start of each window among all angles.
+        shift: Number of angles that come before ``values``.
+        values: Angles in radians; window k begins at ``values[offsets[k] - shift]``.
+    """
+
+    first: Ints
+    offsets: Ints
+    shift: int
+    values: Array
+
+
+class SweepResult(NamedTuple):
+    """The closest place of some frames and between them, see ``planner.clearance.sweep.Sweep``.
+
+    Attributes:
+        clearance: Least clearance seen, in pitches.
+        frame: Frame number of it; a fraction means between two.
+        first, second: The two modules, −1 if nothing is nearer than the cutoff.
+        lower_bound: Lower bound of the clearance everywhere.
+        unproved_at: Frame number around which nothing was proved; −1 if all is proved.
+        midpoints: Configurations between frames that were checked.
+    """
+
+    clearance: float
+    frame: float
+    first: int
+    second: int
+    lower_bound: float
+    unproved_at: float
+    midpoints: int
+
+
+class Link(NamedTuple):
+    """A joint and the two hulls that it links.
+
+    Attributes:
+        joint: The joint.
+        hull: Full-size hull of both modules.
+        size: Scale of the hulls.
+        face: (3,) unit normal of the next module's near face, in that module's frame.
+        distance: Distance of that face from the joint in pitches.
+    """
+
+    joint: Joint
+    hull: Hull
+    size: float
+    face: Array
+    distance: float
+
+
+class Overlap(NamedTuple):
+    """The deepest overlap of a motion.
+
+    Attributes:
+        depth: Deepest overlap seen, in pitches; 0 if nothing overlaps.
+        frame: Frame number of it; a half means halfway between two frames.
+        joint: Number of the joint; −1 if nothing overlaps.
+        bound: Upper bound of the overlap over the whole motion, in pitches.
+    """
+
+    depth: float
+    frame: float
+    joint: int
+    bound: float
+
+
+class CoreCells(NamedTuple):
+    """Cells of the modules that are still folded, beside a window.
+
+    Attributes:
+        grid: (X, Y, Z) index of the module in each cell when folded, −1 for none.
+        low: (3,) cell of ``grid[0, 0, 0]``.
+        box: (2, 3) smallest and largest cell of the core.
+        first: Index of the window's first module in the chain.
+    """
+
+    grid: Grid
+    low: Ints
+    box: Ints
+    first: int
+
+
+class StepLimits(NamedTuple):
+    """Allowed displacements in one step, see ``planner.parameters.parameters``.
+
+    Attributes:
+        joint_rad: Turn of a hinge.
+        body: Displacement of a module, in pitches.
+        tail_turn_rad: Turn of the tail.
+        pair: Displacements of two modules relative to each other.
+    """
+
+    joint_rad: float
+    body: float
+    tail_turn_rad: float
+    pair: PairLimits
+
+
+class WindowLoads(NamedTuple):
+    """Strengths and directions of the forces on a window's m modules.
+
+    Attributes:
+        weights: (m,) relative radial gains of the modules.
+        source: (3,) point from which the radial forces diverge.
+        heading: (3,) unit vector of the pull on the last module.
+        cutoff: Distance in pitches beyond which modules and cells do not repel.
+        gain: γ of the paper's eq. 3.
+        tension: Largest sum of radial forces beyond a joint.
+        pull: Force along the heading.
+    """
+
+    weights: Array
+    source: Array
+    heading: Array
+    cutoff: float
+    gain: float
+    tension: float
+    pull: float
+
+
+EQUATIONS = 6
+"""Number of rows that the balance of a chain that is not held has besides one for each hinge: three
+for the sum of the forces and three for the sum of the moments."""
+
+
+class FacetedHull(NamedTuple):
+    """Hull of a module with its faces and edges, about its centre, in pitches.
+
+    Attributes:
+        vertices: (V, 3) corners.
+        normals: (F, 3) outward unit normals of its faces.
+        loops: (F, M) corners of each face, counterclockwise from outside; −1 behind the last one.
+        edges: (E, 2) corners of each edge.
+        directions: (D, 3) unit directions of its edges, one of each parallel set.
+        radius: Distance from the centre to the farthest corner.
+    """
+
+    vertices: Array
+    normals: Array
+    loops: Ints
+    edges: Ints
+    directions: Array
+    radius: float
+
+
+class ContactPoints(NamedTuple):
+    """Contact points of a configuration.
+
+    Attributes:
+        first: (C,) modules that are pushed along the normals.
+        second: (C,) modules that are pushed against them; −1 for the floor.
+        feature: (C,) identifies a point of a pair, mostly with the same number in the next frame.
+        points: (C, 3) points, in pitches.
+        normals: (C, 3) unit normals.
+        gaps: (C,) distances of the two surfaces, in pitches; negative where they overlap.
+    """
+
+    first: Ints
+    second: Ints
+    feature: Ints
+    points: Array
+    normals: Array
+    gaps: Array
+
+
+class Hinges(NamedTuple):
+    """Hinges of a configuration, in the world frame.
+
+    Attributes:
+        axes: (J, 3) unit axes.
+        anchors: (J, 3) points on them.
+        before: (J,) modules before them.
+    """
+
+    axes: Array
+    anchors: Array
+    before: Ints
+
+
+CLOSED: Final = -1
+"""Fill of a cell that no path may enter."""
+
+
+class Field(NamedTuple):
+    """Cells that a path may use, and its goal.
+
+    Attributes:
+        fill: (m,) fill of each cell of a flat grid, 0…``FULL``, or ``CLOSED``; its rim is closed.
+        cost: (m,) further energy of a path through each cell, in 1/``FULL`` cells.
+        steps: (6,) differences of the flat indices of neighbours; k and k ^ 1 are opposite.
+        volume: Volume of the solid, in cells.
+        target: Requested number of cells, N.
+        low, high: Smallest number, which is soft, and largest number of cells.
+    """
+
+    fill: Ints
+    cost: Ints
+    steps: Ints
+    volume: float
+    target: float
+    low: int
+    high: int
+
+
+class Schedule(NamedTuple):
+    """Moves of an annealing.
+
+    Attributes:
+        moves: Number of moves.
+        hot: First temperature, in cells.
+        cooling: Factor of the temperature after each 256 moves.
+        thresholds: (1024,) exponentially distributed numbers, −ln u.
+        kinds: (256,) kinds of moves, each as often as it is tried.
+    """
+
+    moves: int
+    hot: float
+    cooling: float
+    thresholds: Array
+    kinds: Ints
+
+
+class SweptCells(NamedTuple):
+    """Table of the cells near the way of a cube that turns by 90° about the origin of its layer.
+
+    Attributes:
+        start, stop: (R, R) rows of the cube at offset (a, b), a and b at least 0: entries
+            ``start[a, b]`` to ``stop[a, b]``; start is −1 where the row is not computed yet.
+        cells: (E, 2) offsets of cells that the cube comes near to.
+        gaps: (E,) smallest distance of the cube from each during its turn, pitches.
+        used: (1,) number of entries in use.
+        half: Half the edge of a cube, pitches.
+        reach: Distance up to which cells are entered, pitches.
+    """
+
+    start: NDArray[np.int32]
+    stop: NDArray[np.int32]
+    cells: NDArray[np.int16]
+    gaps: NDArray[np.float32]
+    used: NDArray[np.int64]
+    half: float
+    reach: float
+
+
+class CubeScratch(NamedTuple):
+    """Arrays that the kernels use for one state at a time.
+
+    Attributes:
+        cells: (N, 3) cell of each module.
+        axes: (N, 3, 3) axes of each module as columns: ``axes[i, :, 0]`` is its x axis.
+        grid: (G,) number of the module in each cell of the box around a state, plus 1; else 0.
+        contacts: (N,) number of pairs of touching modules on either side of each module's joint.
+        nearest, farthest: (N + 2 · ``BORDER``,) smallest and largest distance of the modules at
+            rest in each layer from the axis of a turn.
+    """
+
+    cells: NDArray[np.int64]
+    axes: NDArray[np.int64]
+    grid: NDArray[np.int16]
+    contacts: NDArray[np.int64]
+    nearest: NDArray[np.float64]
+    farthest: NDArray[np.float64]
+
+
+class TurningGaps(NamedTuple):
+    """Hash table of the smallest distances of two cells while one turns by +90° about a hinge.
+
+    Attributes:
+        keys: (H,) key of each entry, −1 where there is none; H is a power of two.
+        gaps: (H,) smallest distance of each, pitches, at most ``reach``.
+        used: (1,) number of entries.
+        hull, size: Of the module.
+        reach: Distance of neighbouring cells in pitches; larger gaps are not told apart.
+    """
+
+    keys: Ints
+    gaps: NDArray[np.float32]
+    used: Ints
+    hull: Hull
+    size: float
+    reach: float
+
+
+class TetrahedronScratch(NamedTuple):
+    """Arrays that the kernels use for one state at a time.
+
+    Attributes:
+        nodes: (N + 1, 3) nodes of the trail.
+        axes: (N, 3) direction of the hinge at the end of each module, one of its coordinates ±1.
+        projected: (N, 3) cells as seen from a hinge: along its axis, and across.
+        cells: (C,) hash table of the occupied cells: key, or −1.
+        modules: (C,) their modules.
+        contacts: (N,) number of pairs of touching modules on either side of each hinge.
+    """
+
+    nodes: Ints
+    axes: Ints
+    projected: Ints
+    cells: Ints
+    modules: NDArray[np.int32]
+    contacts: Ints
