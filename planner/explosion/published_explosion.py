@@ -142,6 +142,10 @@ class PublishedChain:
         """Return 0: the speed of a step is not limited."""
         return 0.0
 
+    def advance(self, step_s: float) -> None:
+        """Integrate the configuration."""
+        self.state.advance(step_s)
+
     def limit_hinges(self) -> None:
         """Leave hinges to their stops."""
 

@@ -44,11 +44,12 @@ from foldback.planner.explosion.loop.straightening import straightening
 from foldback.planner.explosion.loop.whole_chain import WholeChain, body_cap_scale
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record, Spent
-from foldback.planner.parameters.explosion import ExplosionParameters
+from foldback.planner.parameters.explosion import MUJOCO, ExplosionParameters
 from foldback.planner.pathfinding.knots import knot_of
 from foldback.planner.progress import Cancelled, Report, never, silent
 from foldback.planner.reasons import Reason
 from foldback.planner.reasons import ReasonCode as Code
+from foldback.planner.simulation.mujoco_chain import MujocoChain
 from foldback.planner.simulation.mujoco_models import Material
 from foldback.planner.simulation.rigid_blocks import Blocks
 from foldback.planner.simulation.segments import Segments
@@ -113,7 +114,7 @@ def _lock_straight_hinges(world: WholeChain) -> None:
     """Make the hinges that are straight in the folded chain stiffer and heavier."""
     straight = np.abs(world.chain.folded_rad) < MAX_STRAIGHT_HINGE_RAD
     scale = np.where(straight, STRAIGHT_HINGE_SCALE, 1.0)
-    assert isinstance(world.engine, Segments)
+    assert not isinstance(world.engine, Blocks)
     world.engine.set_stiffness(scale * world.material.stiffness)
     world.engine.set_rotor_inertias(scale * world.material.armature)
 
@@ -196,11 +197,12 @@ class Simultaneous(Explosion[WholeChain, Step]):
             stop_rad=chain.module.stop_rad
             - (STOP_COMPLIANCE_RAD if len(chain) > MAX_SMOOTH_CURVE_MODULES else 0.0),
         )
-        engine = (
-            Segments(chain, material)
-            if block_starts is None
-            else Blocks(chain, material, block_starts)
-        )
+        if block_starts is not None:
+            engine = Blocks(chain, material, block_starts)
+        elif parameters.engine == MUJOCO:
+            engine = MujocoChain(chain, material)
+        else:
+            engine = Segments(chain, material)
         weights = radial_weights(seed, len(chain))
         forces = RadialForces(parameters, weights, pulses, parameters.tension)
         world = WholeChain(chain, parameters, material, engine, forces)

@@ -27,7 +27,7 @@ from foldback.planner.explosion.table.table_explosion import explode_on_table
 from foldback.planner.explosion.turning import MAX_TURNING_MODULES, unfold_in_turns
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record
-from foldback.planner.parameters.explosion import ExplosionParameters, PeelingParameters
+from foldback.planner.parameters.explosion import MUJOCO, ExplosionParameters, PeelingParameters
 from foldback.planner.parameters.parameters import (
     AUTO,
     BASELINE,
@@ -40,6 +40,7 @@ from foldback.planner.parameters.parameters import (
 from foldback.planner.parameters.published import PaperExplosionParameters
 from foldback.planner.pathfinding.removal_analysis import analyse_removal
 from foldback.planner.progress import Cancelled, Report, never, silent
+from foldback.planner.simulation.mujoco_chain import refuse_long_chain
 
 BLOCKS_FROM_MODULES: Final = 160
 """Minimum number of modules of a chain for which ``auto`` tries the strategy ``blocks``, which
@@ -61,12 +62,20 @@ def ranked_strategies(
 
     Raises:
         InputError: ``unknown-strategy``, or ``strategy-differs`` for one that this chain, preset or
-            refold cannot have.
+            refold cannot have; ``too-long-for-mujoco`` or ``mujoco-on-table``.
     """
     wished = parameters.strategy
     if wished not in STRATEGY_CHOICES:
         raise unknown_strategy(wished)
     possible = _possible(chain, parameters, refolds)
+    if _is_by_mujoco(parameters):
+        refuse_long_chain(chain)
+        if parameters.world == "table":
+            raise InputError(
+                "mujoco-on-table",
+                "got engine=mujoco for a fold on a table, expected the 'floating' world; leave out "
+                "engine=mujoco.",
+            )
     if not possible:
         raise InputError(
             "unsuited-world",
@@ -106,6 +115,8 @@ def takes_turns(chain: Chain, parameters: Parameters, *, refolds: bool = False) 
 def _limitation(chain: Chain, parameters: Parameters, refolds: bool) -> str:
     """Say why a strategy is not defined for a chain."""
     wished, floats = parameters.strategy, parameters.world != "table"
+    if _is_by_mujoco(parameters) and wished in ("blocks", "peel"):
+        return "With engine=mujoco, MuJoCo simulates all modules at once."
     if wished not in (TURNS, BASELINE) or not _has_own_explosion(parameters) or not floats:
         return (
             f"Only these can {'refold' if refolds else 'fold'} modules of the type "
@@ -147,6 +158,8 @@ def _possible(chain: Chain, parameters: Parameters, refolds: bool) -> tuple[str,
         return ("simultaneous",)  # as published, or nothing at all
     turns = (TURNS, BASELINE) if len(chain) <= MAX_TURNING_MODULES and _square(chain) else ()
     names = ("simultaneous", "blocks", "peel") if on_lattice(chain) else ("simultaneous",)
+    if _is_by_mujoco(parameters):
+        names = ("simultaneous",)
     names = (*names, *turns)
     return tuple(n for n in names if not (refolds and records_windows(n)))
 
@@ -166,6 +179,11 @@ def _preferred(chain: Chain) -> tuple[str, ...]:
 def on_lattice(chain: Chain) -> bool:
     """Return True if a chain consists of cubes that fold into cells."""
     return _square(chain) and chain.module.fills_cell and chain.module.rigid_links == 1
+
+
+def _is_by_mujoco(parameters: Parameters) -> bool:
+    """Return True if MuJoCo computes the motion of all modules of a chain at once."""
+    return parameters.playback.robot.engine == MUJOCO
 
 
 def _has_own_explosion(parameters: Parameters) -> bool:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Final, Literal, get_args
 
 from foldback.planner.chain.module import DEFAULT_MODULE_SIZE
 from foldback.planner.parameters.setting import described, setting, shared
 
 Base = Literal["clamped", "free"]
+
+
+MUJOCO: Final = "mujoco"
+"""Value of the setting ``engine`` with which MuJoCo itself simulates the explosion and robots."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,6 +53,7 @@ class ExplosionParameters:
         verify_size: Module size at which that motion and the snapshots are checked. Contacts must
             not be deeper than it allows.
         max_steps: Number of steps after which the explosion gives up.
+        engine: ``foldback`` for our own engine, or ``mujoco``; robots have the same.
     """
 
     repulsion_gain: float = described(1.0, "Repulsion gain γ")
@@ -82,6 +87,13 @@ class ExplosionParameters:
         DEFAULT_MODULE_SIZE, "Module size in the check of the explosion", "pitch"
     )
     max_steps: int = described(60_000, "Step limit", "steps")
+    engine: str = setting(
+        "foldback",
+        label="Physics engine",
+        help="Engine that simulates the explosion and the robots. With `mujoco`, these are steps "
+        "of MuJoCo alone, for up to 500 modules; without it, one robot is simulated by both.",
+        words=("foldback", MUJOCO),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

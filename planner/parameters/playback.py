@@ -6,13 +6,14 @@ import math
 from dataclasses import dataclass, field
 from typing import Final
 
+from foldback.planner.parameters.explosion import ExplosionParameters
 from foldback.planner.parameters.published import PaperExplosionParameters
 from foldback.planner.parameters.setting import described, setting, shared
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotParameters:
-    """Model errors of the simulated robots, and the number of robots.
+    """Model errors of the simulated robots, their number, and the engine that simulates them.
 
     Torques are relative to the largest torque that the plan asks of a robot without errors.
 
@@ -27,6 +28,7 @@ class RobotParameters:
         encoder_step: Resolution of the encoders, rad. Each has an offset of up to half of it.
         encoder_noise: Standard deviation of a measured angle, rad, drawn anew in each step of the
             servo.
+        engine: ``foldback`` for our own engine, or ``mujoco``.
     """
 
     robots: int = setting(
@@ -80,6 +82,7 @@ class RobotParameters:
         unit="rad",
         range=(0.0, 0.01),
     )
+    engine: str = shared("foldback", ExplosionParameters)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

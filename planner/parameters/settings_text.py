@@ -15,7 +15,7 @@ from dataclasses import replace
 from typing import Any, Final, get_args
 
 from foldback.planner.errors import InputError
-from foldback.planner.parameters.explosion import TableParameters
+from foldback.planner.parameters.explosion import ExplosionParameters, TableParameters
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.parameters.playback import PlaybackParameters, RobotParameters
 from foldback.planner.parameters.published import PaperExplosionParameters
@@ -184,9 +184,12 @@ def with_settings(parameters: Parameters, settings: Mapping[str, Value]) -> Para
             turn=turned,
             limit=MAX_TURN_PER_STEP,
         )
+    explosion = parts.get("explosion", parameters.explosion)
+    if isinstance(explosion, ExplosionParameters):
+        explosion = replace(explosion, engine=playback.robot.engine)
     return replace(
         parameters,
-        explosion=parts.get("explosion", parameters.explosion),
+        explosion=explosion,
         playback=playback,
         table=parts.get("table", parameters.table),
         density_kg_m3=density,

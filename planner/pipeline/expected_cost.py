@@ -13,12 +13,14 @@ from typing import Final
 
 from foldback.planner.chain.module import Module, module_named
 from foldback.planner.explosion.strategy_cost import COSTS_IN_LAYERS, COSTS_INTERLOCKED
+from foldback.planner.parameters.explosion import MUJOCO
 from foldback.planner.parameters.parameters import FLOATING, Parameters
 from foldback.planner.parameters.playback import PUBLISHED_PLAYBACK, PlaybackParameters
 from foldback.planner.parameters.published import PaperExplosionParameters
 from foldback.planner.pathfinding.expected_duration import expected_seconds
 from foldback.planner.pipeline.preference import COMPUTING
 from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.playback.robot_runs import mujoco_seconds
 
 MAX_EXPECTED_S: Final = 3600.0
 """Maximum expected cost of a fold, in s of processor time; larger estimates are cut to it, because
@@ -185,5 +187,8 @@ def _robots_s(modules: int, playback: PlaybackParameters) -> float:
     """Return the processor time of a playback that robots with faults are simulated in."""
     if modules > playback.simulated_modules:
         return 0.0
+    robots = max(1, playback.robot.robots)
+    if playback.robot.engine == MUJOCO:
+        return robots * mujoco_seconds(2 * modules, 3 * modules)  # 505 steps for 160 modules
     linear_s, square_s = 3.5e-3, 9e-6  # measured: 0.7 s for 160 modules, 12 s for 1000
-    return max(1, playback.robot.robots) * (linear_s * modules + square_s * modules**2)
+    return robots * (linear_s * modules + square_s * modules**2)

@@ -8,13 +8,16 @@ from dataclasses import replace
 from threading import Event, Lock
 from typing import Final, TypeVar
 
-from foldback.planner.cpu_cores import cores
+from foldback.planner.compilation.cpu_cores import cores
+from foldback.planner.errors import InputError
 from foldback.planner.motion.motion import Motion
+from foldback.planner.parameters.explosion import MUJOCO
 from foldback.planner.playback.chain_run import Run
 from foldback.planner.playback.reference_trajectory import ReferenceTrajectory
 from foldback.planner.playback.window_run import WindowRun
 from foldback.planner.playback.window_trajectory import WindowTrajectory
 from foldback.planner.progress import Cancelled, Progress, Report
+from foldback.planner.simulation.mujoco_chain import refuse_long_chain
 from foldback.planner.simulation.mujoco_tree import ROOT_DOFS
 
 MAX_MUJOCO_S: Final = 1.0
@@ -31,10 +34,26 @@ def simulate_robots(
 ) -> tuple[Sequence[Run | WindowRun], Run | None]:
     """Simulate all robots of a trajectory, and the first one by MuJoCo, too.
 
+    With ``engine=mujoco``, MuJoCo simulates all of them.
+
     Returns:
         The runs of the robots, and the one by MuJoCo; None where that would take too long.
+
+    Raises:
+        InputError: ``too-long-for-mujoco``, or ``peeled-in-mujoco`` for a peeled chain.
     """
-    in_mujoco = mujoco_trajectory(trajectory)
+    in_mujoco = None
+    if trajectory.parameters.robot.engine != MUJOCO:
+        in_mujoco = mujoco_trajectory(trajectory)
+    elif isinstance(trajectory, WindowTrajectory):
+        raise InputError(
+            "peeled-in-mujoco",
+            "got a peeled chain with engine=mujoco, which simulates all modules at once; use the "
+            "strategy 'simultaneous', or leave out engine=mujoco.",
+        )
+    elif trajectory.contacts is not None:
+        refuse_long_chain(trajectory.chain)
+        trajectory, _ = trajectory.for_mujoco()
 
     def simulate_one(number: int, report: Report, stopped: Cancelled) -> Run | WindowRun:
         if isinstance(trajectory, WindowTrajectory):

@@ -70,7 +70,7 @@ class MujocoRobot(Tree):
             motors=Servos(stiffness=errors.stiffness, damping=errors.damping),
         )
         self.errors = errors
-        model, at = self.model, self._at
+        model, at = self.model, self.indices
         model.body_mass[at.bodies] = errors.masses
         model.body_inertia[at.bodies] *= errors.masses[:, None]
         # Where a force meets the range of its actuator, MuJoCo's integrator leaves out the damping
@@ -122,13 +122,12 @@ class MujocoRobot(Tree):
         errors, present, present_rates = self.errors, self.angles, self.rates
         compensation = errors.expected_friction * np.tanh(rates / FRICTION_SPEED_RAD_S)
         # MuJoCo's force is kp (ctrl − q) − kv q̇: all other terms of a servo are in its target.
-        self.set_servo_targets(
-            angles
-            + (present - errors.measure(present))
-            + (errors.damping * rates + torques + compensation) / errors.stiffness
-        )
+        others = errors.damping * rates + torques + compensation
+        if errors.stiffness > 0.0:  # a chain that folds into a line needs no torque
+            others /= errors.stiffness
+        self.set_servo_targets(angles + (present - errors.measure(present)) + others)
         speeds = np.maximum(np.abs(present_rates), np.abs(rates))
-        self.model.dof_damping[self._at.dofs] = (
+        self.model.dof_damping[self.indices.dofs] = (
             errors.friction * np.tanh(speeds / FRICTION_SPEED_RAD_S) / np.maximum(speeds, 1e-12)
         )
         mujoco.mj_fwdPosition(self.model, self.data)
@@ -137,7 +136,7 @@ class MujocoRobot(Tree):
         super().end_step()
         if not np.isfinite(self.data.qpos).all():
             raise SimulationError("the simulated state became infinite or undefined.")
-        forces = self.data.qfrc_actuator[self._at.dofs]
+        forces = self.data.qfrc_actuator[self.indices.dofs]
         self._torques = forces - errors.damping * (self.rates - present_rates)
 
     def stop_drifting(self) -> None:

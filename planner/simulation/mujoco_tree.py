@@ -52,7 +52,7 @@ class RateMotors:
     torque_limit: float
 
 
-class _Indices(NamedTuple):
+class Indices(NamedTuple):
     """Indices of hinges (J,) and modules (n,) in MuJoCo's arrays."""
 
     qpos: Ints
@@ -61,7 +61,8 @@ class _Indices(NamedTuple):
     bodies: Ints
 
     @classmethod
-    def of(cls, model: Any, chain: Chain) -> _Indices:
+    def of(cls, model: Any, chain: Chain) -> Indices:
+        """Return the indices of a chain in a model."""
         joints = [model.joint(name) for name in chain.joint_names]
         bodies = [model.body(f"module_{i}").id for i in range(len(chain))]
         return cls(
@@ -109,13 +110,14 @@ class Tree:
             else mujoco.mjtIntegrator.mjINT_EULER
         )
         self.data: Any = mujoco.MjData(self.model)
-        self._at = _Indices.of(self.model, chain)
+        self.indices = Indices.of(self.model, chain)
+        """Indices of hinges and modules in MuJoCo's arrays."""
         self._work = np.empty(self.model.nv)
         self._passive = np.zeros(self.model.nv)
         if isinstance(motors, Servos):
             self._actuators = np.array([self.model.actuator(n).id for n in chain.joint_names])
         self._hinge_of_dof = np.zeros(self.model.nv, dtype=np.int64)
-        self._hinge_of_dof[self._at.dofs] = np.arange(len(self._at.dofs))
+        self._hinge_of_dof[self.indices.dofs] = np.arange(len(self.indices.dofs))
         self._rows = self._hinge_of_row = np.zeros(0, dtype=np.int64)
         self._centre = np.zeros(3)
         rows, columns = np.indices((ROOT_DOFS, ROOT_DOFS))  # M holds the lower triangle by rows
@@ -125,17 +127,17 @@ class Tree:
     @property
     def angles(self) -> Array:
         """(J,) a copy of the hinge angles, rad."""
-        return self.data.qpos[self._at.qpos]
+        return self.data.qpos[self.indices.qpos]
 
     @property
     def rates(self) -> Array:
         """(J,) a copy of the hinge velocities, rad/s."""
-        return self.data.qvel[self._at.dofs]
+        return self.data.qvel[self.indices.dofs]
 
     @property
     def centres(self) -> Array:
         """(n, 3) centres of the modules at ``begin_step`` relative to their mean, pitches."""
-        centres = self.data.xpos[self._at.bodies]
+        centres = self.data.xpos[self.indices.bodies]
         return centres - centres.mean(axis=0)
 
     @property
@@ -152,7 +154,7 @@ class Tree:
     def motor_torques(self) -> Array:
         """(J,) torques of motors and applied torques in the last step."""
         data = self.data
-        torques = (data.qfrc_actuator + data.qfrc_applied - self._passive)[self._at.dofs]
+        torques = (data.qfrc_actuator + data.qfrc_applied - self._passive)[self.indices.dofs]
         if isinstance(self.motors, RateMotors):
             torques[self._hinge_of_row] += data.efc_force[self._rows]
         return torques
@@ -161,7 +163,7 @@ class Tree:
         """Set a configuration at rest."""
         self.data.qpos[:3] = root_position
         self.data.qpos[3:7] = root_wxyz
-        self.data.qpos[self._at.qpos] = angles
+        self.data.qpos[self.indices.qpos] = angles
         self.data.qvel[:] = 0.0
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
@@ -211,7 +213,7 @@ class Tree:
 
     def apply_torques(self, torques: Array) -> None:
         """Set (J,) torques on the hinges for the coming step."""
-        self.data.qfrc_applied[self._at.dofs] = self._passive[self._at.dofs] + torques
+        self.data.qfrc_applied[self.indices.dofs] = self._passive[self.indices.dofs] + torques
 
     def set_rates(self, rates: Array) -> None:
         """Set (J,) rates of rate motors for the coming step, after ``begin_step``."""
@@ -235,12 +237,12 @@ class Tree:
         data, model = self.data, self.model
         accelerations_before = data.qacc.copy()
         data.qacc[:ROOT_DOFS] = 0.0
-        data.qacc[self._at.dofs] = accelerations
+        data.qacc[self.indices.dofs] = accelerations
         mujoco.mj_rne(model, data, 1, self._work)
         data.qacc[:ROOT_DOFS] = -np.linalg.solve(self._root_inertia(), self._work[:ROOT_DOFS])
         mujoco.mj_rne(model, data, 1, self._work)
         data.qacc[:] = accelerations_before
-        return self._work[self._at.dofs]
+        return self._work[self.indices.dofs]
 
     def evaluate(self, angles: Array, rates: Array) -> None:
         """Compute positions and velocities of a free chain without momentum.
@@ -249,12 +251,12 @@ class Tree:
         """
         data, model = self.data, self.model
         data.qpos[:7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-        data.qpos[self._at.qpos] = angles
+        data.qpos[self.indices.qpos] = angles
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_makeM(model, data)
         data.qvel[:] = 0.0
-        data.qvel[self._at.dofs] = rates
+        data.qvel[self.indices.dofs] = rates
         mujoco.mj_mulM(model, data, self._work, data.qvel)
         data.qvel[:ROOT_DOFS] = -np.linalg.solve(self._root_inertia(), self._work[:ROOT_DOFS])
         mujoco.mj_comVel(model, data)
@@ -263,15 +265,15 @@ class Tree:
         """Return (J,) torques of a motion while the root is held still, without gravity."""
         data, model = self.data, self.model
         data.qpos[:7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-        data.qpos[self._at.qpos] = angles
+        data.qpos[self.indices.qpos] = angles
         for values, source in ((data.qvel, rates), (data.qacc, accelerations)):
             values[:] = 0.0
-            values[self._at.dofs] = source
+            values[self.indices.dofs] = source
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_comVel(model, data)
         mujoco.mj_rne(model, data, 1, self._work)
-        return self._work[self._at.dofs]
+        return self._work[self.indices.dofs]
 
     def gravity_torques(self) -> Array:
         """Return (J,) torques under gravity 1 in each hinge's worst direction, the root held.
@@ -280,9 +282,9 @@ class Tree:
         it: m |a × r|. The configuration is that of the last ``evaluate``.
         """
         data, model = self.data, self.model
-        bodies = model.jnt_bodyid[self._at.joints]
-        arms = data.subtree_com[bodies] - data.xanchor[self._at.joints]
-        lengths = np.linalg.norm(np.cross(data.xaxis[self._at.joints], arms), axis=1)
+        bodies = model.jnt_bodyid[self.indices.joints]
+        arms = data.subtree_com[bodies] - data.xanchor[self.indices.joints]
+        lengths = np.linalg.norm(np.cross(data.xaxis[self.indices.joints], arms), axis=1)
         return model.body_subtreemass[bodies] * lengths
 
     def _root_inertia(self) -> Array:

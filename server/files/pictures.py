@@ -1,6 +1,6 @@
 """Pictures: social pictures of folds, drawn in a child process.
 
-Drawing takes long, and pages must not wait for it.
+Drawing needs compiled kernels, and pages must not wait for their compilation.
 """
 
 from __future__ import annotations

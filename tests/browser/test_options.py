@@ -64,7 +64,7 @@ def test_settings_of_robots_are_offered_and_validated(visit: Visit, service: Ser
     settings = page.locator("#robot-settings")
     page.locator(".more > summary").click()
     settings.locator("summary").click()
-    expect(settings.locator("input")).to_have_count(len(ROBOT_SETTINGS))
+    expect(settings.locator("input, select")).to_have_count(len(ROBOT_SETTINGS))
     masses = page.locator("[name=mass_error]")
     masses.fill("9")
     assert page.evaluate(WIDTH) <= 390

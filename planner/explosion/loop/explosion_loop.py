@@ -92,6 +92,9 @@ class World(Protocol[S_co]):
         """Return 1/Δt_max, 1/s: the largest ratio of a speed to its allowed change per step."""
         ...
 
+    def advance(self, step_s: float) -> None:
+        """Integrate the configuration: q ← q + h q̇."""
+
     def limit_hinges(self) -> None:
         """Leave no hinge beyond its stop."""
 
@@ -256,7 +259,7 @@ def step(explosion: Explosion[Any, Any]) -> bool:
         explosion.checkpoint.propose(world.time_s, world.state)
     world.state.accelerate(acceleration, control.step_s, control.drag)
     control.limit_speeds(world.state, world.inverse_step_limit(), acceleration.contacts)
-    world.state.advance(control.step_s)
+    world.advance(control.step_s)
     world.time_s += control.step_s
     world.limit_hinges()
     return True

@@ -13,12 +13,13 @@ from foldback.planner.explosion.loop.radial_forces import RadialForces
 from foldback.planner.explosion.loop.recorder import Step
 from foldback.planner.explosion.loop.step_control import StepControl
 from foldback.planner.parameters.explosion import ExplosionParameters
+from foldback.planner.simulation.mujoco_chain import MujocoChain
 from foldback.planner.simulation.mujoco_models import Material
 from foldback.planner.simulation.reduced_state import Acceleration, State
 from foldback.planner.simulation.rigid_blocks import Blocks
 from foldback.planner.simulation.segments import Segments
 
-ChainEngine = Segments | Blocks
+ChainEngine = Segments | Blocks | MujocoChain
 
 
 class WholeChain:
@@ -55,7 +56,7 @@ class WholeChain:
     @property
     def all_joints_free(self) -> bool:
         """True unless blocks are rigid."""
-        return isinstance(self.engine, Segments)
+        return not isinstance(self.engine, Blocks)
 
     def release_all(self) -> None:
         """Free the joints within rigid blocks."""
@@ -75,6 +76,8 @@ class WholeChain:
     def accelerations(self, control: StepControl) -> Acceleration:
         """Return the acceleration of the placed state under eq. 1 and 3."""
         self.engine.set_contact_time_constant(control.contact_time_constant_s)
+        if isinstance(self.engine, MujocoChain):
+            self.engine.set_step(control.step_s)
         return self.acceleration_under(self.forces.forces(self, control))
 
     def acceleration_under(self, forces: Array) -> Acceleration:
@@ -83,6 +86,13 @@ class WholeChain:
         if isinstance(engine, Segments):
             return engine.lean_accelerations(self.state, forces, self.pairs)
         return engine.accelerations(self.state, forces)
+
+    def advance(self, step_s: float) -> None:
+        """Integrate the configuration."""
+        if isinstance(self.engine, MujocoChain):
+            self.engine.advance(self.state, step_s)
+        else:
+            self.state.advance(step_s)
 
     def inverse_step_limit(self) -> float:
         """Return 1/Δt_max, 1/s, of hinges, near modules, and all modules."""

@@ -358,6 +358,10 @@ class Window:
             self._limits[loose],
         )
 
+    def advance(self, step_s: float) -> None:
+        """Integrate the configuration."""
+        self.state.advance(step_s)
+
     def limit_hinges(self) -> None:
         """Leave no hinge beyond its stop."""
         setting = self.setting

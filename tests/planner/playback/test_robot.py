@@ -73,7 +73,7 @@ def test_each_fault_is_seen_in_the_joint_error(folded: Folded) -> None:
 
 
 def test_all_errors_of_robots_are_tried() -> None:
-    others = {"robots", "motor_limit", "servo_give", "damping_s"}
+    others = {"robots", "motor_limit", "servo_give", "damping_s", "engine"}
     assert {field.name for field in fields(RobotParameters)} == others | ERRORS.keys(), (
         "add a value of the new error to tests/planner/robot_errors.py"
     )

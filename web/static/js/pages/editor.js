@@ -3,7 +3,17 @@ import { SIZES } from "../editor/painting.js";
 import { imported } from "../editor/shape_tools.js";
 import { Editor, MIN_MODULES } from "../editor/state.js";
 import { Sheet, all, exact, say, showControls } from "../editor/view.js";
-import { at, duration, element, get, later, save, integerText, wordsOf } from "../lib/text.js";
+import {
+  at,
+  duration,
+  element,
+  get,
+  later,
+  save,
+  integerText,
+  wholeTime,
+  wordsOf,
+} from "../lib/text.js";
 
 /** @typedef {import("../editor/state.js").Tool} Tool */
 /** @typedef {0 | 1 | 2} Axis */
@@ -82,11 +92,13 @@ function check(ready) {
   timer = setTimeout(async () => {
     const words = await exchanging(({ report, pathFile }) =>
       report({ file: pathFile(editor.name, state), full: false }).then(
-        ({ knot, expected_s: s }) =>
+        ({ knot, expected_s: s, compilation }) =>
           knot?.verdict === "knotted"
             ? { text: "The path is knotted, so the chain cannot be pulled straight.", tone: "bad" }
             : {
-                text: `Computing the fold takes ${duration(s)}.`,
+                text: `Computing the fold takes ${
+                  wholeTime(s, compilation) ?? `${duration(s)}, once the folding software is ready`
+                }.`,
                 tone: "",
               },
         (error) => ({ text: wordsOf(error), tone: "bad" }),

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from foldback.server.pages import landing
 from foldback.server.submission.shipped_folds import SHIPPED_FOLDS_DIR
 from tests.run_python import run_python
 
@@ -25,7 +26,7 @@ with TestClient(app, base_url="http://127.0.0.1:8000") as client:
     assert context.store.fold(first).status == "verified" and not context.store.waiting()
     pages = ["/", "/gallery", "/shapes/new", "/paper", "/benchmarks", "/docs", "/my-folds"]
     pages += ["/privacy", "/featured/bundle", "/featured/batch", "/featured/picture.png"]
-    pages += ["/shapes/cat.svg", "/shapes/tetra-ring.svg"]
+    pages += ["/shapes/cat.svg", "/shapes/tetra-ring.svg", "/api/compilation"]
     for row in context.store.list_public():
         page, api = f"/folds/{row.id}", f"/api/folds/{row.id}"
         assert "Included with foldback, computed with version" in client.get(page).text
@@ -38,6 +39,10 @@ with TestClient(app, base_url="http://127.0.0.1:8000") as client:
         assert client.get(page).status_code == 200, page
     assert f'href="/folds/{first}"' in client.get("/").text
 """
+
+
+def test_files_of_the_landing_page_exist() -> None:
+    landing.warm_up()
 
 
 @pytest.mark.processes

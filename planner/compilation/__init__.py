@@ -1,0 +1,1 @@
+"""Compilation of kernels: numba's cache, what may compile, progress, and processor cores."""
