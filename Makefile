@@ -127,10 +127,6 @@ test-foreign: $(FOREIGN)/.installed ## Open exports in Drake, PyBullet, Blender 
 coverage: $(STAMP) tools ## Measure which lines and branches `make test` runs, for each package
 	@rm -rf out/coverage && mkdir -p out/coverage
 	@$(BIN)/python -m coverage run -m pytest -q $(PARALLEL) -o timeout=0 $(ARGS)
-	@# Compiled kernels cannot be traced, so small folds run them once as plain Python.
-	@NUMBA_DISABLE_JIT=1 $(BIN)/python -m coverage run -m pytest -q $(PARALLEL) -o timeout=0 \
-		tests/golden tests/planner/clearance/test_proof.py \
-		tests/planner/pathfinding/test_knots.py
 	@$(BIN)/python -m coverage combine -q
 	@for package in planner web words cli server client; do \
 		printf '%-16s ' $$package; \

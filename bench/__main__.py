@@ -27,7 +27,6 @@ from bench.refolds import refolds
 from bench.scaling import scaling
 from bench.sections import write_sections
 from bench.service.browser_check import browser_check
-from bench.service.compiling import compiling
 from bench.service.dropped_mesh import dropped_mesh
 from bench.service.kiosk import kiosk
 from bench.service.link_views import link_views
@@ -88,7 +87,6 @@ SECTIONS = {
     "page": page_speed,
     "long-folds": long_folds,
     "checked": browser_check,
-    "compiling": compiling,
     "dropped": dropped_mesh,
     "kiosk": kiosk,
     "movies": movies,

@@ -23,7 +23,6 @@ from foldback.planner.chain.path import Path
 from foldback.planner.explosion.simultaneous import MAX_STRAIGHT_HINGE_RAD
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
-from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.shape_writers import write_path
@@ -45,7 +44,6 @@ COMPARED: Final = ("travel", "moving mean", "moving max", "reversals", "held", "
 def calm(reference_seconds: float, max_modules: int = MAX_MODULES) -> Section:
     """Fold gallery shapes and random paths by default, and with the explosion that is not calm."""
     section = Section(name="calm")
-    warm_up()
     shapes = [
         (shape.name, shape.data)
         for shape in gallery()

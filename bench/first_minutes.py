@@ -104,8 +104,8 @@ def _installed(clone: Path) -> tuple[float, float]:
 
 
 def _environment() -> dict[str, str]:
-    """Return an environment without this project's own settings and without compiled kernels."""
-    dropped = ("FOLDBACK_", "NUMBA_", "PYTHONPATH", "VIRTUAL_ENV", "MAKE", "MFLAGS")
+    """Return an environment without this project's own settings."""
+    dropped = ("FOLDBACK_", "PYTHONPATH", "VIRTUAL_ENV", "MAKE", "MFLAGS")
     return {k: v for k, v in os.environ.items() if not k.startswith(dropped)}
 
 
@@ -149,11 +149,6 @@ def _watched(section: Section, watch: _Watch, address: str) -> None:
         _open_finished(section, page, f"{address}{finished[-1]['links']['page']}", watch)
         browser.close()
         own_fold = _own_fold(http)
-        while http.get("/api/compilation").json()["compilation"] is not None:
-            watch.seconds()
-            time.sleep(STATUS_POLL_S)
-        wall, cpu = watch.seconds()
-        _add(section, "kernels ready, all processes", wall, cpu)
         _wait_over(http, own_fold, watch)
         _add(section, "own fold of 24 cubes verified", *watch.seconds())
 

@@ -10,7 +10,6 @@ from bench.command import Run, fold
 from bench.sections import Section
 from examples.run_gallery import PROCESSES, fold_shape
 from examples.run_gallery import SHAPES as GALLERY
-from foldback.planner.pipeline.warm_up import warm_up
 
 SHAPES = (
     "mallet-64",
@@ -141,9 +140,7 @@ def gallery(reference_seconds: float) -> Section:
     del reference_seconds
     section = Section(name="gallery")
     files = sorted(GALLERY.glob("*.json"))
-    with ProcessPoolExecutor(
-        PROCESSES, mp_context=get_context("spawn"), initializer=warm_up
-    ) as pool:
+    with ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool:
         results = list(pool.map(fold_shape, files))
     section.rows = [
         {

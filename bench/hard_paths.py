@@ -29,7 +29,6 @@ from foldback.planner.chain.path import Path as CellPath
 from foldback.planner.errors import InputError
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
-from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.shape_writers import write_path
@@ -223,7 +222,6 @@ def runs() -> Path:
 
 def hard_paths(reference_seconds: float) -> Section:
     """Run all cases and compare them with their bars."""
-    warm_up()
     return section_of(run_missing(runs(), cases(), run), reference_seconds)
 
 
@@ -270,7 +268,6 @@ def main() -> None:
     options = parser.parse_args()
     from bench.machine import machine  # imported late: it takes a second
 
-    warm_up()
     selected = [c for c in cases() if not options.only or c.group.startswith(tuple(options.only))]
     rows = run_missing(runs(), selected, run, minutes=options.minutes)
     section_of(rows, machine()["reference_seconds"]).show(Console(width=160))

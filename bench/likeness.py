@@ -60,7 +60,7 @@ MIN_VERIFIED: Final = 28 / 30
 def likeness(reference_seconds: float) -> Section:
     """Compare fitted chains with blocks and with the best cells, and fold a few."""
     section = Section(name="likeness")
-    fill_fitted(_solid("torus"), PathOptions(modules=32), seed=0)  # compile first
+    fill_fitted(_solid("torus"), PathOptions(modules=32), seed=0)  # import all libraries first
     for modules, names in ((MODULES, tuple(FORMS)), (500, MORE_MODULES)):
         rows = [_row(name, modules, reference_seconds) for name in names]
         section.rows += rows
@@ -146,7 +146,7 @@ def likeness_tetrahedra(reference_seconds: float) -> Section:
 def previews(reference_seconds: float) -> Section:
     """Time the first and the final preview of ten meshes, as the service computes them."""
     section = Section(name="previews")
-    _preview_s(_solid("torus"), quick=False)  # compile first
+    _preview_s(_solid("torus"), quick=False)  # import all libraries first
     for name in MORE_MODULES:
         solid = _solid(name)
         first, final = _preview_s(solid, quick=True), _preview_s(solid, quick=False)

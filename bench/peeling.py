@@ -32,7 +32,7 @@ def peeling(reference_seconds: float, shapes: tuple[str, ...] = SHAPES) -> Secti
     """Peel shapes of 1152 to 9600 modules, and sweep their records."""
     del reference_seconds
     section = Section(name="peeling")
-    _run("4x4x4")  # compile first
+    _run("4x4x4")  # import all libraries first
     for shape in shapes:
         section.rows.append(_run(shape))
     rows = section.rows

@@ -19,7 +19,6 @@ from bench.machine import processor_seconds
 from bench.sections import Section
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
-from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.shape_writers import write_chain
@@ -34,7 +33,6 @@ def portfolio(reference_seconds: float, folds: tuple[str, ...] = FOLDS) -> Secti
     """Run each fold with one worker and with two."""
     del reference_seconds
     section = Section(name="portfolio")
-    warm_up()
     for name in folds:
         rows = [_run(name, workers) for workers in WORKERS]
         plans = [row.pop("plan") for row in rows]

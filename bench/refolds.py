@@ -20,7 +20,6 @@ from examples.run_gallery import SHAPES
 from foldback.planner.pipeline.fold import refold
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
-from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 
@@ -55,7 +54,6 @@ SEEDS = (0, 1, 2)
 def refolds(reference_seconds: float, pairs: tuple[str, ...] = PAIRS) -> Section:
     """Refold all pairs with all seeds."""
     section = Section(name="refolds")
-    warm_up()
     section.rows = [_row(pair, seed) for pair in pairs for seed in SEEDS]
     rows, expected = section.rows, len(pairs) * len(SEEDS)
     verified = sum(row["verified"] for row in rows)

@@ -21,7 +21,6 @@ from bench.machine import machine
 from bench.sections import Section
 from foldback.planner.chain.path import Path
 from foldback.planner.pathfinding.assembly import layered_snake
-from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.plan.shape_writers import write_path
 
 SCALING_MODULE_SIZE: Final = 0.98
@@ -108,7 +107,6 @@ BOXES: Final = ("box-1152", "box-4096", "box-9600")
 
 def scaling(reference_seconds: float, names: tuple[str, ...] = tuple(CASES)) -> Section:
     """Run the commands of these names."""
-    warm_up()  # compile first, which takes a minute in a fresh clone
     section = Section(name="scaling")
     rows = {name: _run(name, {**CASES, **LONGER}[name], reference_seconds) for name in names}
     section.rows = list(rows.values())

@@ -45,7 +45,7 @@ def smoothing(reference_seconds: float, shapes: tuple[str, ...] = NAMES) -> Sect
     """Smooth plans of examples with 24 to 384 modules."""
     del reference_seconds
     section = Section(name="smoothing")
-    _row("wrench-24")  # compile first
+    _row("wrench-24")  # import all libraries first
     for shape in shapes:
         section.rows.append(_row(shape))
     rows = section.rows

@@ -32,7 +32,6 @@ from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.pathfinding.assembly import layered_snake
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stage
-from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.shape_writers import write_path
 from foldback.planner.playback.playback import play_back
@@ -121,7 +120,6 @@ USUAL: Final = (*COMMANDS, *ROBOTS, "simulated-1000")
 
 def speed(reference_seconds: float, names: tuple[str, ...] = USUAL) -> Section:
     """Measure the commands of these names, then parts of a fold."""
-    warm_up()  # compile first, which takes a minute in a fresh clone
     section = Section(name="speed")
     for name in names:
         if name in SIMULATED:

@@ -52,7 +52,7 @@ def turns(reference_seconds: float) -> Section:
     chains = _gallery_chains(CUBE.name)
     count = sum(len(chain) <= SHORT_MODULES for chain in chains)
     chains = [*chains[:count], *chains[count::LONG_STRIDE]]
-    find_turns(chains[0], module_size=0.95, at_once=None, seed=0)  # compile first
+    find_turns(chains[0], module_size=0.95, at_once=None, seed=0)  # import all libraries first
     rows = [_row(chain, 0.95, reference_seconds) for chain in chains]
     _add_share(section, f"gallery to {SHORT_MODULES} cubes", rows[:count], 0.95)
     _add_share(section, f"longer shapes, one of {LONG_STRIDE}", rows[count:], 0.85)
@@ -79,7 +79,7 @@ def turns_long(reference_seconds: float) -> Section:
     """Fold all gallery shapes of cubes that are longer in turns: up to an hour."""
     section = Section(name="turns-long")
     chains = _gallery_chains(CUBE.name)
-    find_turns(chains[0], module_size=0.95, at_once=None, seed=0)  # compile first
+    find_turns(chains[0], module_size=0.95, at_once=None, seed=0)  # import all libraries first
     long_chains = [chain for chain in chains if len(chain) > SHORT_MODULES]
     section.rows = [_row(chain, 0.95, reference_seconds) for chain in long_chains]
     _add_share(section, f"gallery beyond {SHORT_MODULES} cubes", section.rows, 0.85)

@@ -10,7 +10,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from foldback.planner.compilation.cpu_cores import cores
+from foldback.planner.cpu_cores import cores
 from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.progress import STAGES, Report
 from foldback.planner.progress import Progress as StageProgress
@@ -31,8 +31,6 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
         workers: Maximum number of concurrent explosions; the number of cores if None.
         words: Labels of stages that differ from the default ones.
     """
-    from foldback.planner.compilation.compiling import Compiling
-
     with Progress(
         TextColumn("{task.description:<10}"),
         BarColumn(),
@@ -51,11 +49,7 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
                 if progress.steps:
                     bars.update(bar, note=_steps(progress))
 
-            def compiles(progress: StageProgress) -> None:
-                bars.update(bar, note=f"{progress.message} (once on each machine)")
-
-            with Compiling(compiles):
-                yield report
+            yield report
 
         return run_stages(out, first=STAGES[1], workers=workers or cores(), around=bar_of)
 

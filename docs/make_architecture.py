@@ -19,7 +19,7 @@ PICTURE: Final = HERE / "pictures" / "architecture.svg"
 BEGIN, END = "<!-- components -->\n", "<!-- end of components -->\n"
 LAYERS: Final = (
     ("planner",),
-    ("planner.compilation", "planner.storage"),
+    ("planner.storage",),
     ("planner.core",),
     ("planner.chain",),
     ("planner.parameters",),

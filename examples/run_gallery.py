@@ -23,7 +23,6 @@ from typing import Any
 from foldback.planner.errors import InputError
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
-from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.storage.file_names import ATTEMPTS
 
@@ -154,9 +153,7 @@ def main(names: list[str], world: str, *, repeats: bool) -> None:
         )
     ]
     waiting.sort(key=lambda file: file.stat().st_size)
-    with ProcessPoolExecutor(
-        PROCESSES, mp_context=get_context("spawn"), initializer=warm_up
-    ) as pool:
+    with ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool:
         jobs = {pool.submit(fold_shape, file, world): file.stem for file in waiting}
         for done, job in enumerate(as_completed(jobs), start=1):
             name, result = jobs[job], job.result()

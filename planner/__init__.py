@@ -1,1 +1,1 @@
-"""Planner: names of array types, errors and progress, which all its components share."""
+"""Planner: names of array types, errors, progress and processor cores, for all its components."""

@@ -18,9 +18,6 @@ STAGE_TEXTS: Final = {
     "export": "writing the plan",
 }
 """Stages of a fold as phrases."""
-COMPILING: Final = "compiling"
-"""Message of a progress report while kernels (numba functions) are compiled, which happens once on
-a machine."""
 PROGRESS_PERIOD_S: Final = 0.1
 """Minimum wall time between two progress reports of one run, in s."""
 

@@ -112,12 +112,11 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.state.context = context
         stats = app.state.stats = Stats(settings, context.leases)
         app.state.readiness = Readiness(settings, context.leases, context.store.folders.check)
-        warming = asyncio.create_task(_warm_up(context)) if settings.prewarm else None
+        if settings.prewarm:
+            await asyncio.to_thread(context.fork_server.start)
         try:
             yield
         finally:
-            if warming is not None:
-                warming.cancel()
             context.close()
             stats.close()
 
@@ -173,11 +172,3 @@ def _add_middleware(app: FastAPI, settings: Settings, metrics: Metrics) -> None:
     app.add_middleware(Access, metrics=metrics)
     app.add_middleware(BelowPath, base_path=settings.base_path)
     app.add_middleware(ForwardedAddress, proxies=settings.trusted_proxies)
-
-
-async def _warm_up(context: Context) -> None:
-    """Start the fork server and render the landing page before the first requests."""
-    # In a thread, so that the first response does not wait for the start of the process.
-    await asyncio.to_thread(context.fork_server.start)
-    await asyncio.sleep(1.5)  # until the start is complete
-    await asyncio.to_thread(landing.warm_up)

@@ -99,19 +99,12 @@ class Context(Viewing):
         artifacts = opened.enter_context(closing(_artifacts(settings, store)))
         awaited = ChildLimits.of(settings, awaited=True)
         fork_server = opened.enter_context(
-            closing(
-                ForkServer(
-                    ["reader", "preparer", "retimer"],
-                    warm=settings.prewarm and not settings.read_only,
-                    directory=settings.root,
-                )
-            )
+            closing(ForkServer(["reader", "preparer", "retimer", "pictures"]))
         )
         Scratch(settings.motions_dir).sweep()
         motions = replace(awaited, folders=(str(settings.motions_dir),))
         retimer = Pool("retimer", motions, wall_s=settings.retime_seconds, fork_server=fork_server)
-        # Without the fork server, which would have to load and compile the drawing code.
-        drawer = Pool("pictures", motions, wall_s=settings.preview_seconds)
+        drawer = Pool("pictures", motions, wall_s=settings.preview_seconds, fork_server=fork_server)
         pictures = opened.enter_context(closing(Pictures(settings, drawer)))
         trajectories = opened.enter_context(closing(Trajectories(settings, retimer)))
         previews = opened.enter_context(closing(Previews(settings, store)))

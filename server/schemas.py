@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -20,7 +19,6 @@ from foldback.planner.readers.gallery import GalleryShape
 from foldback.server.jobs.eta import EtaEstimator
 from foldback.server.store.estimates import Expected, plain_fold
 from foldback.server.store.folds import FoldRow, Store
-from foldback.server.store.leases import Compilation
 from foldback.server.store.schema import REQUESTED_COLUMNS
 from foldback.words.fold import ShownFold
 
@@ -146,25 +144,6 @@ class Accepted(Body):
     links: Links
 
 
-class CompilationBody(Body):
-    """Progress of compiling the kernels, which happens once on each machine."""
-
-    fraction: float
-    """Progress, 0 to 1."""
-    remaining_s: int | None
-    """Estimated remaining time, s; null at first."""
-
-    @classmethod
-    def of(cls, compilation: Compilation | None) -> CompilationBody | None:
-        """Return the API's representation of the compilation."""
-        if compilation is None:
-            return None
-        left_s = compilation.remaining_s
-        return cls(
-            fraction=compilation.fraction, remaining_s=None if left_s is None else math.ceil(left_s)
-        )
-
-
 class Progress(Body):
     """Progress of a fold; the data of the event ``progress``."""
 
@@ -194,14 +173,10 @@ class Progress(Body):
     """True while the fold waits for a processor much of the time, because the computer has other
     work."""
     wait_s: float | None
-    """Estimated waiting time, s, including the remaining time of `compilation`; null if the fold is
-    not waiting, no worker runs, or the time is not known yet."""
+    """Estimated waiting time, s; null if the fold is not waiting or no worker runs."""
     remaining_s: int | None
     """Estimated remaining time, s, including the wait, based on similar folds; 0 if this fold takes
     longer than they did; null if unknown or finished."""
-    compilation: CompilationBody | None
-    """Progress of compiling the kernels, while no worker is ready or a fold compiles kernels that
-    it needs; null otherwise."""
 
 
 class Fault(Body):
@@ -504,9 +479,6 @@ class Preview(Body):
     """Estimated time with the preset `paper`, s."""
     expected_preferred_s: float
     """Estimated time if the plan is optimised for time, torque or clearance, s."""
-    compilation: CompilationBody | None
-    """Progress of compiling the kernels, which a fold waits for before its estimated time begins;
-    null once a worker is ready to compute."""
     positions: list[list[float]] | None
     """Positions of the folded chain's modules; null without a chain."""
     wxyzs: list[list[float]] | None
@@ -528,7 +500,6 @@ class Preview(Body):
         report: dict[str, Any],
         times: Mapping[str, float],
         *,
-        compilation: Compilation | None,
         full: bool,
     ) -> Preview:
         """Return the report of a preview; without cells, mesh and poses unless ``full``."""
@@ -545,7 +516,6 @@ class Preview(Body):
             "id": preview_id,
             "key": key,
             **times,
-            "compilation": CompilationBody.of(compilation),
             "links": PreviewLinks(page=f"/previews/{preview_id}", folds="/api/folds"),
         }
         return cls.model_validate({**report, **large, **details})
@@ -620,7 +590,6 @@ def progress_of(row: FoldRow, remaining: EtaEstimator) -> dict[str, Any]:
     # At the start of a stage, the stored progress may still be that of the previous one.
     progress = row.progress if row.progress.get("stage") in (None, row.stage) else {}
     outlook = remaining.of(row)
-    compilation = CompilationBody.of(outlook.compilation)
     paused = row.status == "queued" and row.pauses > 0
     message = PAUSED_MESSAGE if paused else str(progress.get("message", ""))
     if row.stage == "explode" and row.smooths and not paused:
@@ -643,5 +612,4 @@ def progress_of(row: FoldRow, remaining: EtaEstimator) -> dict[str, Any]:
         "busy": row.status == "running" and bool(row.progress.get("busy", False)),
         "wait_s": outlook.wait_s,
         "remaining_s": outlook.remaining_s,
-        "compilation": None if compilation is None else compilation.model_dump(),
     }

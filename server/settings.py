@@ -113,9 +113,8 @@ class Settings(BaseSettings):
     """Number of long folds that a worker computes at once. In addition, it computes the same number
     of short folds (up to 10 s)."""
     prewarm: bool = True
-    """Load the kernels (compiled loops) and render the landing page at start. `false` saves
-    about 500 MB of memory while the service is idle, but the first visitor waits a few seconds
-    longer. Start each new version once with `true`, which compiles the kernels."""
+    """Load the libraries of computing processes at start. `false` saves about 200 MB of memory
+    until the first upload and the first fold, which then take one or two seconds longer."""
     finished_folds: bool = True
     """Add the package's finished folds to a new database. Folds that were deleted are not added
     again."""

@@ -7,13 +7,6 @@ declare namespace Api {
     existing: boolean;
     links: Links;
   }
-  interface CompilationBody {
-    fraction: number;
-    remaining_s: number | null;
-  }
-  interface CompilationState {
-    compilation: CompilationBody | null;
-  }
   interface ExportBody {
     name: string;
     label: string;
@@ -194,7 +187,6 @@ declare namespace Api {
     expected_s: number;
     expected_as_published_s: number;
     expected_preferred_s: number;
-    compilation: CompilationBody | null;
     positions: number[][] | null;
     wxyzs: number[][] | null;
     line: number[][] | null;
@@ -224,7 +216,6 @@ declare namespace Api {
     busy: boolean;
     wait_s: number | null;
     remaining_s: number | null;
-    compilation: CompilationBody | null;
   }
   interface Reach {
     likeness: number;

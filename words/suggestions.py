@@ -35,8 +35,6 @@ OTHER_PRESETS: Final = {
     ),
 }
 """Presets, besides the published one, that a fold may be compared with."""
-ONCE_READY: Final = ", once the folding software is ready"
-"""Suffix of a time that does not include the compilation of the kernels, which comes first."""
 
 
 def another_seed(seed: int) -> Button:

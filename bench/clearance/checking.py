@@ -26,7 +26,6 @@ from examples.run_gallery import PROCESSES, SHAPES
 from foldback import foldback_check
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
-from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.storage.file_names import PLAN
 
@@ -41,7 +40,6 @@ MAX_CHECK_S: Final = {
 
 def checking(reference_seconds: float) -> Section:
     """Check and time four plans of 160 to 10 000 modules, then check the gallery with seed 0."""
-    warm_up()
     section = Section(name="checking")
     for name, bar_s in MAX_CHECK_S.items():
         row = _timed(name, reference_seconds)
@@ -130,7 +128,6 @@ def _folded_and_checked(run: tuple[FilePath, int]) -> dict[str, Any]:
 
 def main() -> None:
     """Check the gallery with the seeds of the command line."""
-    warm_up()
     section = Section(name="checking")
     gallery(section, [int(seed) for seed in sys.argv[1:]] or (0,))
     console = Console(width=160)

@@ -25,7 +25,6 @@ from foldback.planner.chain.chain import Chain
 from foldback.planner.clearance.sweep import sweep
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
-from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.storage.file_names import PLAN
@@ -114,7 +113,6 @@ def _touches(chain: Chain, angles: Array, size: float) -> bool:
 
 def main() -> None:
     """Run the benchmark with the number of the command line."""
-    warm_up()
     section = Section(name="disturbed")
     disturbed(section, int(sys.argv[1]) if len(sys.argv) > 1 else 1000)
     console = Console(width=180)

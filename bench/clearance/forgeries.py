@@ -30,7 +30,6 @@ from foldback.planner.clearance.sweep import sweep
 from foldback.planner.errors import InputError
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
-from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.storage.file_names import PLAN
@@ -125,7 +124,6 @@ def forgeries(count: int, seed: int, node: bool, processes: int) -> Section:
         node: True to check with the scripts of pages.
         processes: Number of processes that forge and check.
     """
-    warm_up()
     section = Section(name="forgeries")
     with tempfile.TemporaryDirectory(prefix="foldback-forgeries-") as folder:
         sources: list[FilePath] = []

@@ -130,7 +130,7 @@ def constants(reference_seconds: float, folds: int = FOLDS, *groups: str) -> Sec
     section = Section(name="constants")
     for group in groups or GROUPS:
         run = GROUPS[group]
-        run(0)  # compile first
+        run(0)  # import all libraries first
         usual = [run(number) for number in range(folds)]
         section.rows.append(_row(group, "all as they are", "", usual, usual, reference_seconds))
         without: list[str] = []
@@ -163,8 +163,8 @@ def _variations(
 def varied(home: ModuleType | type, name: str, factor: float) -> Generator[Any]:
     """Multiply a constant of a module, or the default of a parameter, while the context is open.
 
-    A constant changes in all modules that import it by name, too; compiled kernels and default
-    values of functions keep the former one.
+    A constant changes in all modules that import it by name, too; the compiled core and
+    default values of functions keep the former one.
     """
     if isinstance(home, type):
         spaces = [vars(home)["__init__"].__kwdefaults__]

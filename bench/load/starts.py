@@ -28,7 +28,7 @@ GIVE_UP_S: Final = 30.0
 
 
 def starts(short: bool = False) -> Section:
-    """Measure how long all processes of a service take to end, with full and with empty caches."""
+    """Measure how long all processes of a service take to end, with and without bytecode."""
     # A shell starts background jobs with SIGINT ignored, which this process would pass on.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     # Processes whose parent has ended become children of this one.
@@ -54,10 +54,8 @@ def starts(short: bool = False) -> Section:
 def _end_s(at_s: float, number: signal.Signals, *, warm: bool) -> float:
     """Return the seconds from a signal to the end of all processes of a service."""
     with TemporaryDirectory(prefix="foldback-starts-") as place:
-        caches = {"PYTHONPYCACHEPREFIX": f"{place}/bytecode", "NUMBA_CACHE_DIR": f"{place}/kernels"}
-        service = Service(
-            Path(place) / "data", environment={} if warm else caches, prewarm=True, workers=2
-        )
+        environment = {} if warm else {"PYTHONPYCACHEPREFIX": f"{place}/bytecode"}
+        service = Service(Path(place) / "data", environment=environment, prewarm=True, workers=2)
         service.data_dir.mkdir()
         with open(service.log, "a") as log:
             process = subprocess.Popen(

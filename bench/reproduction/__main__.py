@@ -15,7 +15,6 @@ from bench.reproduction.experiments import experiments
 from bench.reproduction.reproduce import reproduce, tell
 from bench.reproduction.runs import stored_runs
 from bench.success_map.stored import version_of
-from foldback.planner.pipeline.warm_up import warm_up
 
 ROOT: Final = Path(__file__).parents[2]
 PAPER: Final = ROOT / "web" / "paper"
@@ -47,7 +46,6 @@ def main() -> None:
             if experiment.id in runs and runs[experiment.id].planner != now
         ]
     if selected and not options.tell:
-        warm_up()
         reproduce(
             selected,
             every,

@@ -8,7 +8,6 @@ import resource
 import tempfile
 import time
 from dataclasses import asdict, dataclass, fields, replace
-from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,7 +21,6 @@ from bench.success_map.stored import version_of
 from examples.run_gallery import SHAPES
 from foldback.planner.errors import InputError
 from foldback.planner.pipeline.stages import run_stages
-from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.reasons import ReasonFigures
@@ -159,7 +157,6 @@ def run(experiment: Experiment, files: Path) -> dict[str, Any]:
         experiment: The experiment.
         files: Directory for films and pictures, which get a subdirectory of their own.
     """
-    _warm()
     reference_s = reference_seconds()
     with tempfile.TemporaryDirectory(prefix="foldback-reproduction-") as place:
         directory = Path(place)
@@ -315,12 +312,6 @@ def _keep_start(name: str, plan: Path) -> None:
 
 def _start_file(name: str) -> Path:
     return STARTS_DIR / f"{name}-{version_of('planner')}.npz"
-
-
-@cache
-def _warm() -> None:
-    """Compile the kernels in advance, so that no run includes the time for it."""
-    warm_up()
 
 
 def _processor_seconds() -> float:

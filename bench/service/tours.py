@@ -33,7 +33,6 @@ from foldback.planner.pathfinding.knots import knot_of
 from foldback.planner.pipeline.fold_layout import result_path
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
-from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.tour import Stop
 from foldback.planner.storage.file_names import CERTIFICATE, FIGURES, TIMELINE
@@ -58,7 +57,6 @@ module's centre to the next, in pitches, must be smaller."""
 
 def tours(reference_seconds: float, count: int | None = None) -> Section:
     """Draft tours of the gallery's folds and check each sentence."""
-    warm_up()
     paths = sorted(SHAPES.glob("*.json"))[:count]
     section = Section(name="tours")
     with ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool:

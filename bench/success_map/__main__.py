@@ -30,7 +30,6 @@ from foldback.planner.pathfinding.assembly import layered_snake
 from foldback.planner.pathfinding.lattice import neighbours
 from foldback.planner.pathfinding.path_search import find_paths
 from foldback.planner.pipeline.request import FoldRequest
-from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.plan.shape_writers import write_path
 from foldback.planner.shapes.shape import Shape
 
@@ -214,7 +213,6 @@ def main() -> None:
     options = parser.parse_args()
     if options.again:
         RUNS_FILE.unlink(missing_ok=True)
-    warm_up()
     rows = run_missing(
         RUNS_FILE, cases(options.largest), run, minutes=options.minutes, workers=options.workers
     )

@@ -23,7 +23,6 @@ from foldback.planner.chain.path import Path as CellPath
 from foldback.planner.pathfinding.block_merging import block_path
 from foldback.planner.pathfinding.lattice import STEPS
 from foldback.planner.pipeline.fold import fold
-from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.readers import read
 
 ROOT: Final = Path(__file__).parents[2]
@@ -114,7 +113,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=float("inf"))
     options = parser.parse_args()
-    warm_up()
     path = ROOT / "out" / f"published-{version_of('planner')}.jsonl"
     for row in run_missing(path, cases(), run, minutes=options.minutes):
         Console().print(row)

@@ -23,7 +23,6 @@ from bench.success_map.stored import judge, run_missing, version_of
 from examples.run_gallery import SHAPES
 from foldback.planner.errors import InputError
 from foldback.planner.pipeline.request import FoldRequest
-from foldback.planner.pipeline.warm_up import warm_up
 
 OUT: Final = Path(__file__).parents[2] / "out"
 SEEDS_PER_SHAPE: Final = 5
@@ -102,7 +101,6 @@ def runs() -> Path:
 def seeds(reference_seconds: float) -> Section:
     """Fold every shape with every seed."""
     del reference_seconds
-    warm_up()
     return section_of(run_missing(runs(), cases(), run))
 
 
@@ -143,7 +141,6 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=float("inf"))
     parser.add_argument("--workers", type=int, default=1)
     options = parser.parse_args()
-    warm_up()
     rows = run_missing(runs(), cases(), run, minutes=options.minutes, workers=options.workers)
     section_of(rows).show(Console(width=160))
 

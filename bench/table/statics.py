@@ -163,7 +163,7 @@ def _milliseconds(
     chain: Chain, frames: Callable[[Chain], Iterator[tuple[Array, Array, Array]]], enough: float
 ) -> list[float]:
     balance = Balance(chain)
-    balance.solve(*next(frames(chain)))  # compile first
+    balance.solve(*next(frames(chain)))  # import all libraries first
     took: list[float] = []
     for positions, rotations, angles in frames(chain):
         start_s = time.perf_counter()

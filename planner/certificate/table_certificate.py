@@ -24,7 +24,7 @@ from foldback.planner.chain.cantilever_statics import GRAVITY_M_S2
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import Poses
 from foldback.planner.chain.module import DEFAULT_DENSITY_KG_M3
-from foldback.planner.compilation.cpu_cores import cores
+from foldback.planner.cpu_cores import cores
 from foldback.planner.errors import InputError
 from foldback.planner.motion.motion import Motion
 from foldback.planner.parameters.explosion import Base

@@ -9,9 +9,9 @@ import numpy as np
 
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.module import Module
-from foldback.planner.compilation.cpu_cores import cores
 from foldback.planner.core import many_floating_torques
 from foldback.planner.core.structures import Lumps
+from foldback.planner.cpu_cores import cores
 
 
 def floating_torques(

@@ -15,7 +15,7 @@ from foldback.planner.chain.path import MIN_CELLS, STEPS
 from foldback.planner.pathfinding import Cell
 from foldback.planner.pathfinding.block_merging import halved
 from foldback.planner.pathfinding.exact_search import exact_path
-from foldback.planner.pathfinding.lattice import colours, neighbours, parts
+from foldback.planner.pathfinding.lattice import colours, neighbours, parts, tuples
 from foldback.planner.pathfinding.no_path_proofs import Problem, obstacles, written
 from foldback.planner.pathfinding.path_reasons import PathCode, PathReason
 from foldback.planner.pathfinding.snake import is_box
@@ -161,13 +161,13 @@ def _mended(before: Cells, base: Cells, adding: bool, seed: int, deadline: float
     return None
 
 
-def _choices(now: Cells, problems: tuple[Problem, ...], adding: bool) -> list[Cell]:
+def _choices(now: Cells, problems: tuple[Problem, ...], adding: bool) -> tuple[Cell, ...]:
     """Return cells to add or to drop, the least visible first."""
     cells = _array(now)
     if adding:
         around = {_plus(cell, step) for cell in now for step in STEPS} - now
         candidates = _array(frozenset(around))
-        filled = np.array([sum(_plus(c, s) in now for s in STEPS) for c in _tuples(candidates)])
+        filled = np.array([sum(_plus(c, s) in now for s in STEPS) for c in tuples(candidates)])
         looks = -filled
     else:
         filled = (neighbours(cells) >= 0).sum(axis=1)
@@ -188,7 +188,7 @@ def _choices(now: Cells, problems: tuple[Problem, ...], adding: bool) -> list[Ce
         )
         far = np.maximum(far - 2, 0)
     order = np.lexsort((*candidates.T, looks, far))
-    return _tuples(candidates[order][:60])
+    return tuples(candidates[order][:60])
 
 
 def _has_path(cells: Cells, seed: int) -> bool:
@@ -283,11 +283,7 @@ def _plus(a: Cell, b: Cell) -> Cell:
 
 
 def _set(cells: Ints) -> Cells:
-    return frozenset(_tuples(cells))
-
-
-def _tuples(cells: Ints) -> list[Cell]:
-    return [(x, y, z) for x, y, z in cells.tolist()]
+    return frozenset(tuples(cells))
 
 
 def _array(cells: Cells) -> Ints:

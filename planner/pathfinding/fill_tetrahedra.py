@@ -10,8 +10,8 @@ from foldback.planner.errors import InputError
 from foldback.planner.pathfinding.feasibility import Feasibility, Repair, apply_repair
 from foldback.planner.pathfinding.filled_shape import FilledShape
 from foldback.planner.pathfinding.knots import knot_of
-from foldback.planner.pathfinding.lattice import parts
-from foldback.planner.pathfinding.no_path_proofs import disconnected, tuples
+from foldback.planner.pathfinding.lattice import parts, tuples
+from foldback.planner.pathfinding.no_path_proofs import disconnected
 from foldback.planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
 from foldback.planner.pathfinding.path_reasons import PathReason, sentences
 from foldback.planner.pathfinding.trail_search import find_trails
@@ -92,7 +92,7 @@ def _feasibility(shape: Shape) -> Feasibility:
     if count == 1:
         return Feasibility(feasible=True)
     loose = shape.cells[labels != np.argmax(np.bincount(labels))]
-    cells = tuples(loose, max_cells=len(loose))
+    cells = tuples(loose)
     others = "cell" if len(cells) == 1 else f"{len(cells)} cells"
     return Feasibility(
         feasible=False,

@@ -15,6 +15,11 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 
+def tuples(cells: Ints) -> tuple[Cell, ...]:
+    """Return (n, 3) cells as tuples."""
+    return tuple((x, y, z) for x, y, z in cells.tolist())
+
+
 def keys_of(cells: Ints, low: Ints, size: Ints) -> Ints:
     """Return (n,) keys of the cells of a box, in lexicographic order."""
     x, y, z = np.moveaxis(cells - low, -1, 0)

@@ -12,7 +12,7 @@ from foldback.planner.arrays import Ints
 from foldback.planner.chain.path import MIN_CELLS
 from foldback.planner.pathfinding import Cell
 from foldback.planner.pathfinding.end_proofs import end_proof
-from foldback.planner.pathfinding.lattice import colours, neighbours, parts
+from foldback.planner.pathfinding.lattice import colours, neighbours, parts, tuples
 from foldback.planner.pathfinding.path_reasons import PathCode, PathReason
 
 MAX_NAMED_CELLS: Final = 200
@@ -73,7 +73,7 @@ def _obstacles(cells: Ints) -> Iterator[Problem]:
     if n < MIN_CELLS:
         yield Problem(
             reason=PathReason.of(PathCode.TOO_FEW, count=n, minimum=MIN_CELLS),
-            cells=tuples(cells),
+            cells=_named(cells),
             amount=MIN_CELLS - n,
         )
         return
@@ -87,7 +87,7 @@ def _obstacles(cells: Ints) -> Iterator[Problem]:
         black = (n + excess) // 2
         yield Problem(
             reason=PathReason.of(PathCode.PARITY, black=black, white=n - black),
-            cells=tuples(cells[balance == np.sign(balance.sum())]),
+            cells=_named(cells[balance == np.sign(balance.sum())]),
             amount=excess - 1,
         )
     near = neighbours(cells)
@@ -95,7 +95,7 @@ def _obstacles(cells: Ints) -> Iterator[Problem]:
     if len(dead) > 2:
         yield Problem(
             reason=PathReason.of(PathCode.DEAD_ENDS, count=len(dead)),
-            cells=tuples(cells[dead]),
+            cells=_named(cells[dead]),
             amount=len(dead) - 2,
         )
     yield from _cut_cells(cells, near, balance)
@@ -117,14 +117,14 @@ def disconnected(cells: Ints, labels: Ints) -> Problem:
             largest=int(sizes[largest]),
             count=len(cells),
         ),
-        cells=tuples(cells[labels != largest]),
+        cells=_named(cells[labels != largest]),
         amount=1000 * (len(sizes) - 1),
     )
 
 
-def tuples(cells: Ints, max_cells: int = MAX_NAMED_CELLS) -> tuple[Cell, ...]:
-    """Return the first ``max_cells`` cells as tuples."""
-    return tuple((int(x), int(y), int(z)) for x, y, z in cells[:max_cells])
+def _named(cells: Ints) -> tuple[Cell, ...]:
+    """Return the first ``MAX_NAMED_CELLS`` cells as tuples."""
+    return tuples(cells[:MAX_NAMED_CELLS])
 
 
 def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
@@ -134,14 +134,14 @@ def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
         part_count = max(len(pieces.sums[cell]) for cell in split)
         yield Problem(
             reason=PathReason.of(PathCode.CUT_CELLS, parts=part_count),
-            cells=tuples(cells[sorted(split)]),
+            cells=_named(cells[sorted(split)]),
             amount=sum(_beyond_two(pieces.sizes[cell]) for cell in split),
         )
     branching = {piece: cuts for piece, cuts in enumerate(pieces.cuts) if len(cuts) > 2}
     if branching:
         yield Problem(
             reason=PathReason.of(PathCode.ARMS, arms=max(map(len, branching.values()))),
-            cells=tuples(cells[sorted({cell for cuts in branching.values() for cell in cuts})]),
+            cells=_named(cells[sorted({cell for cuts in branching.values() for cell in cuts})]),
             amount=sum(_beyond_two(pieces.arms[piece]) for piece in branching),
         )
     if split or branching:
@@ -155,7 +155,7 @@ def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
     if uneven:
         yield Problem(
             reason=PathReason.of(PathCode.UNEVEN_PART),
-            cells=tuples(cells[sorted(cell for cell, _ in uneven)]),
+            cells=_named(cells[sorted(cell for cell, _ in uneven)]),
             amount=max(amount for _, amount in uneven),
         )
 
@@ -175,7 +175,7 @@ def _ends(cells: Ints) -> Iterator[Problem]:
                 needed=proof.needed,
                 allowed=proof.allowed,
             ),
-            cells=tuples(cells[proof.members], max_cells=len(proof.members)),
+            cells=tuples(cells[proof.members]),
             amount=proof.missed,
         )
 

@@ -11,8 +11,7 @@ from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.path import Path
 from foldback.planner.errors import InputError
 from foldback.planner.pathfinding import Cell
-from foldback.planner.pathfinding.lattice import index_of
-from foldback.planner.pathfinding.no_path_proofs import tuples
+from foldback.planner.pathfinding.lattice import index_of, tuples
 from foldback.planner.pathfinding.path_reasons import PathCode, PathReason
 
 CELL_TEXT: Final = r"\s*-?\d{1,6}\s*,\s*-?\d{1,6}\s*,\s*-?\d{1,6}\s*"

@@ -8,7 +8,7 @@ from dataclasses import replace
 from threading import Event, Lock
 from typing import Final, TypeVar
 
-from foldback.planner.compilation.cpu_cores import cores
+from foldback.planner.cpu_cores import cores
 from foldback.planner.errors import InputError
 from foldback.planner.motion.motion import Motion
 from foldback.planner.parameters.explosion import MUJOCO

@@ -1,4 +1,4 @@
-"""Routes for operators: liveness, readiness, compilation and metrics."""
+"""Routes for operators: liveness, readiness and metrics."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from foldback.server.errors import Forbidden, NotFound
 from foldback.server.http.base_path import BELOW
 from foldback.server.ops.metrics import METRICS_MEDIA_TYPE
 from foldback.server.ops.readiness import Readiness
-from foldback.server.schemas import Body, CompilationBody
 from foldback.server.store.stats import Stats
 
 router = APIRouter(tags=["operation"])
@@ -60,20 +59,6 @@ def get_ready(request: Request) -> JSONResponse:
         status_code=200 if state.ready else 503,
         headers={"Cache-Control": "no-store"},
     )
-
-
-class CompilationState(Body):
-    """Compilation of the kernels."""
-
-    compilation: CompilationBody | None
-    """Null once a worker is ready to compute."""
-
-
-@router.get("/api/compilation", summary="Get the progress of compiling the kernels")
-def get_compilation(context: Here, response: Response) -> CompilationState:
-    """Return the progress of compiling the kernels, which happens once on each machine."""
-    response.headers["Cache-Control"] = "no-store"
-    return CompilationState(compilation=CompilationBody.of(context.leases.compilation()))
 
 
 @router.get(

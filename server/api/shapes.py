@@ -130,14 +130,13 @@ async def post_preview(
         if owner is not None:
             context.previews.note_view(preview, owner, viewed(answered, report))
         times = expected_times(report, options.world, context.estimates.total_s)
-        compilation = context.leases.compilation()
         max_modules = context.settings.max_modules
         reach = [
             {**row, "modules": None} if (row["modules"] or 0) > max_modules else row
             for row in report.get("reach", [])
         ]
         report = {**report, "reach": reach}
-        return Preview.of(preview, answered.key, report, times, compilation=compilation, full=full)
+        return Preview.of(preview, answered.key, report, times, full=full)
 
     async with asking(request, context) as asker:
         return await run_in_threadpool(reported, asker)

@@ -43,7 +43,7 @@ def serve(
     set_up_logs(settings)
     warn_of_unknown_names(log)
 
-    # Workers start first: they warm up on another core while the web process imports.
+    # Workers start first: they load libraries on another core while the web process does.
     from foldback.server.ops.supervisor import Supervisor
 
     with starting("service"):

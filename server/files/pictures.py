@@ -1,6 +1,6 @@
 """Pictures: social pictures of folds, drawn in a child process.
 
-Drawing needs compiled kernels, and pages must not wait for their compilation.
+Drawing takes long, and pages must not wait for it.
 """
 
 from __future__ import annotations

@@ -19,8 +19,8 @@ from foldback.planner.pipeline.preference import COMPUTING
 from foldback.server.jobs.progress import REPEATED_STAGES, STAGES
 from foldback.server.limits.fair_queue import wait_s
 from foldback.server.store.estimates import Estimates
-from foldback.server.store.folds import Store, compiled_fraction
-from foldback.server.store.leases import Compilation, Leases
+from foldback.server.store.folds import Store
+from foldback.server.store.leases import Leases
 from foldback.server.store.schema import FoldRow
 
 SETTLING_RANGE_S: Final = (0.5, 3.0)
@@ -35,20 +35,15 @@ class QueueEstimate:
     Attributes:
         place: Position in the queue, from 1; 0 if the fold does not wait.
         running: Number of folds in its lane that are being computed while it waits.
-        wait_s: Estimated wait, including the rest of ``compilation``, s; None if the fold does not
-            wait, there is no worker, or the wait is unknown.
+        wait_s: Estimated wait, s; None if the fold does not wait or there is no worker.
         remaining_s: Estimated time to the end, including the wait, s; 0 if it takes longer than
-            usual; None if its modules are not counted yet, there is no worker, or the duration of
-            ``compilation`` is unknown.
-        compilation: Progress of the workers while none of them can compute yet, or of the kernels
-            that this fold, or one that it waits for, compiles; None otherwise.
+            usual; None if its modules are not counted yet or there is no worker.
     """
 
     place: int
     running: int
     wait_s: float | None
     remaining_s: int | None
-    compilation: Compilation | None = None
 
 
 class EtaEstimator:
@@ -83,27 +78,18 @@ class EtaEstimator:
     def of(self, row: FoldRow) -> QueueEstimate:
         """Return the estimate for a fold."""
         place, running, wait = 0, 0, None
-        compilation = None if row.over else self._leases.compilation()
-        compiling = compiled_fraction(row.progress) if row.status == "running" else None
         if row.status == "queued":
             ahead = self._store.ahead(row)
-            place, running, compiling = ahead.place, ahead.running, ahead.compiling
+            place, running = ahead.place, ahead.running
             wait = wait_s(
                 ahead_s=ahead.ahead_s, running_s=ahead.running_s, at_once=self._leases.at_once()
             )
-        if compilation is None and compiling is not None:
-            compilation = Compilation(fraction=compiling, remaining_s=None)
-        compilation_s = 0.0 if compilation is None else compilation.remaining_s
-        wait = None if wait is None or compilation_s is None else round(wait + compilation_s, 1)
-        remaining_s = None if row.over or compilation_s is None else self._left_s(row, wait)
-        if remaining_s and compilation_s and row.status == "running":
-            remaining_s += compilation_s
+        remaining_s = None if row.over else self._left_s(row, wait)
         return QueueEstimate(
             place=place,
             running=running,
-            wait_s=wait,
+            wait_s=None if wait is None else round(wait, 1),
             remaining_s=self._smoothed(row.id, remaining_s),
-            compilation=compilation,
         )
 
     def _left_s(self, row: FoldRow, wait: float | None) -> float | None:
@@ -166,7 +152,7 @@ def left_s(
         chooses: True if several plans are computed, so that stages are repeated.
     """
     place = STAGES.index(stage)
-    # The first stage does not show the machine's pace: it may have waited for compilation.
+    # The first stage does not show the machine's pace: it may have waited for its process.
     before = STAGES[1:place]
     prior_s = 0.2 * sum(usual.values())  # so long it counts as running at the typical pace
     known_s = prior_s + sum(usual.get(stage_before, 0.0) for stage_before in before)

@@ -477,7 +477,7 @@ def _first_progress(stage: str, spent_s: dict[str, float], started_at: float) ->
         "steps": 0,
         "steps_per_second": 0.0,
         "simulated_s": 0.0,
-        "message": "getting ready" if stage in STAGES[:2] else "",
+        "message": "",
         "plan": 0,
         "plans": 0,
         "stage_s": spent_s,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 
-from foldback.planner.progress import COMPILING
 from foldback.server.jobs.execution import Execution
 from foldback.server.jobs.queue import FoldClaim
 from foldback.server.processes.children import Children
@@ -25,24 +24,14 @@ class Runner:
     def __init__(self, settings: Settings, store: Store) -> None:
         self._settings = settings
         self._store = store
-        self._fork_server = ForkServer(["stages"], warm=settings.prewarm, directory=settings.root)
+        self._fork_server = ForkServer(["stages"])
         self._children = Children("stages", ChildLimits.of(settings), self._fork_server)
         self._stopping = threading.Event()
 
     def prewarm(self) -> None:
-        """Load libraries and kernels for the first fold, unless the settings forbid it."""
+        """Load the libraries for the first fold, unless the settings forbid it."""
         if self._settings.prewarm:
             self._fork_server.start()
-
-    def compilation(self) -> float | None:
-        """Return the compiled fraction of the kernels, 0 to 1; None unless they are compiling.
-
-        It is 0 while the fork server starts, because it is not yet known if kernels must compile.
-        """
-        message = self._fork_server.told
-        if message is None:
-            return 0.0 if self._fork_server.starting else None
-        return float(message["fraction"]) if message["message"] == COMPILING else None
 
     def execution(self, claim: FoldClaim) -> Execution:
         """Return the execution of a claimed fold."""

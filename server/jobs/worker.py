@@ -36,22 +36,13 @@ log = logging.getLogger("foldback.worker")
 class _LeaseMonitor:
     """Heartbeat of this worker, and recovery of the jobs of expired ones."""
 
-    def __init__(
-        self,
-        settings: Settings,
-        store: Store,
-        queue: Queue,
-        runner: Runner,
-        name: str,
-    ) -> None:
+    def __init__(self, settings: Settings, store: Store, queue: Queue, name: str) -> None:
         self._settings = settings
         self._store = store
         self._queue = queue
-        self._runner = runner
         self._name = name
         self._leases = Leases.of(settings, store)
         self._housekeeping = Housekeeping(settings, store)
-        self._compilation: float | None = -1.0  # so that the note of an earlier worker is replaced
         self._swept_at = time.monotonic()
 
     def heartbeat(self) -> None:
@@ -60,13 +51,6 @@ class _LeaseMonitor:
         self._leases.heartbeat(
             self._name, host=socket.gethostname()[:200], pid=os.getpid(), folds_at_once=at_once
         )
-
-    def note_compilation(self) -> None:
-        """Store the compiled fraction of this worker's kernels, if it has changed."""
-        fraction = self._runner.compilation()
-        if fraction != self._compilation:
-            self._leases.note_compilation(self._name, fraction)
-            self._compilation = fraction
 
     def deregister(self) -> None:
         """Deregister this worker."""
@@ -127,7 +111,7 @@ def work(settings: Settings, *, leash: Leash | None = None) -> None:
         set_up_logs(settings, worker=identity.name)
         start_tracing(settings)
         queue = Queue(store)
-        monitor = _LeaseMonitor(settings, store, queue, runner, identity.name)
+        monitor = _LeaseMonitor(settings, store, queue, identity.name)
         monitor.take_back(identity.name)  # jobs of an earlier process of this name
     signal_count = _signals(leash)
     dispatcher = Dispatcher(
@@ -144,9 +128,7 @@ def work(settings: Settings, *, leash: Leash | None = None) -> None:
     )
     stopping = threading.Event()
     monitor.heartbeat()
-    monitor.note_compilation()
     dispatcher.start()
-    _repeat(stopping, 0.5, monitor.note_compilation, "reporting compiled kernels")
     _repeat(stopping, settings.lease_s / 5, monitor.heartbeat, "sending heartbeats")
     recovery_poll_s = min(2.0, settings.lease_s / 8)
     _repeat(stopping, recovery_poll_s, monitor.recover_and_sweep, "checking for expired workers")

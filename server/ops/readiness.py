@@ -15,7 +15,6 @@ from typing import Final
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from foldback.planner.compilation.compiling_lock import compiling_fraction
 from foldback.server.errors import READ_ONLY_WORDS
 from foldback.server.limits.disk_space import free_space
 from foldback.server.settings import Settings
@@ -92,7 +91,6 @@ class Readiness:
             log.warning("database: %r", error)
             database = "does not answer"
         places = self.places()
-        compiled = compiling_fraction(self._settings.root)
         reasons = [
             f"the {name} {state}" if state.startswith(("does", "can")) else f"{name}: {state}"
             for name, state in (
@@ -106,8 +104,6 @@ class Readiness:
             reasons.insert(0, READ_ONLY_WORDS)
         elif database == OK and not workers and self._settings.workers:
             reasons.append("no worker is running")
-        if compiled is not None:
-            reasons.append(f"kernels are being compiled ({compiled:.0%})")
         if self._ending.is_set():
             reasons.append("the service is stopping")
         return State(

@@ -32,7 +32,7 @@ from foldback.web.pictures.isometric_modules import chain_svg
 from foldback.web.pictures.picture_view import PictureView
 from foldback.words.fold import RUNNING_STATUSES
 from foldback.words.missing_pages import NO_FOLD
-from foldback.words.suggestions import ONCE_READY, about
+from foldback.words.suggestions import about
 
 router = APIRouter(include_in_schema=False)
 
@@ -119,5 +119,4 @@ def _facts(request: Request, located: LocatedFold) -> FoldFacts:
 
 def takes(context: Context) -> Callable[[FoldRow], str]:
     """Return a function that states the expected time of a fold if it is requested now."""
-    after = ONCE_READY if context.leases.compilation() else ""
-    return lambda row: about(context.estimates.total_s(row)) + after
+    return lambda row: about(context.estimates.total_s(row))

@@ -13,7 +13,7 @@ from foldback.server.context import context_of, in_list_rate
 from foldback.server.errors import READ_ONLY_WORDS
 from foldback.server.http.downloads import BINARY_MEDIA_TYPE, revalidated
 from foldback.server.pages.cards import selected
-from foldback.server.pages.page import origin_of, page, templates
+from foldback.server.pages.page import origin_of, page
 from foldback.server.pages.pictures import picture_answer
 from foldback.server.pages.privacy import visibility
 from foldback.server.store.folds import Store
@@ -42,7 +42,6 @@ async def landing(request: Request) -> Response:
         featured=featured,
         kept=visibility(context.settings),
         origin=origin_of(request),
-        compilation=await asyncio.to_thread(context.leases.compilation),
         read_only=READ_ONLY_WORDS if context.settings.read_only else None,
         still=pictures[f"{FEATURED_SHAPE}-480.svg"].decode(),
     )
@@ -69,13 +68,6 @@ async def featured_batch(request: Request) -> Response:
 @cache
 def _recorded() -> bytes:
     return FEATURED_BATCH.read_bytes()
-
-
-def warm_up() -> None:
-    """Read the pictures and templates of the first pages, so that first requests are fast."""
-    shipped_pictures()
-    for name in ("landing.html", "fold.html", "gallery.html"):
-        templates().get_template(name)
 
 
 def _featured(store: Store) -> str | None:

@@ -41,7 +41,7 @@ async def preview_page(request: Request, preview_id: str) -> Response:
     except NoSuchPreviewError:
         return not_found_page(*NO_PREVIEW)
     name = shown_name((filename or "shape").rpartition(".")[0] or filename or "shape")
-    return await _page(context, {"id": preview_id, "name": name})
+    return _page(context, {"id": preview_id, "name": name})
 
 
 @router.get("/folds/{fold_id}/options", response_class=HTMLResponse)
@@ -59,7 +59,7 @@ async def options_page(request: Request, fold_id: str) -> Response:
         return {"id": "", "origin": origin, "options": options, "name": ShownFold.of(row).title}
 
     try:
-        return await _page(context, await asyncio.to_thread(facts))
+        return _page(context, await asyncio.to_thread(facts))
     except NoSuchFoldError:
         return not_found_page(*NO_FOLD)
     except NotFound:
@@ -79,10 +79,10 @@ async def shape_page(request: Request, name: str) -> Response:
         else {}
     )
     facts = {"id": "", "origin": {"shape": name}, "options": options, "name": shape.title}
-    return await _page(context, facts)
+    return _page(context, facts)
 
 
-async def _page(context: Context, query: Mapping[str, object]) -> Response:
+def _page(context: Context, query: Mapping[str, object]) -> Response:
     """Return the page of a preview, or of an input that has no preview yet."""
     facts: dict[str, object] = {
         "origin": {},
@@ -92,8 +92,7 @@ async def _page(context: Context, query: Mapping[str, object]) -> Response:
         "next_scripts": _next_scripts(),
         **query,
     }
-    compilation = await asyncio.to_thread(context.leases.compilation)
-    return page("preview.html", facts=facts, facts_json=script_json(facts), compilation=compilation)
+    return page("preview.html", facts=facts, facts_json=script_json(facts))
 
 
 @cache

@@ -188,13 +188,10 @@ def _step_back(niceness: int) -> None:
         Path("/proc/self/autogroup").write_text(str(niceness))
 
 
-def _stages(progress: Report, directory: Path | None, *, warm: bool) -> Task:
+def _stages() -> Task:
     from foldback.planner.pipeline.stages import run_stage
-    from foldback.planner.pipeline.warm_up import warm_up
 
     _load(*COMPUTING_LIBRARIES, MESH_LIBRARY, "zarr.codecs")
-    if warm:
-        warm_up(progress, soon=True, directory=directory)
 
     def run(request: Request, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
         stage, directory, _ = request
@@ -256,13 +253,10 @@ def _confined(works: Mapping[str, Work], *, beside: Collection[str] = ()) -> Tas
     return run
 
 
-def _reader(*, warm: bool) -> Task:
-    from foldback.server.processes.read_task import check, offers, preview, warm_up
+def _reader() -> Task:
+    from foldback.server.processes.read_task import check, offers, preview
 
     _load(MESH_LIBRARY)
-    if warm:
-        warm_up()
-
     works: dict[str, Work] = {
         "check": lambda directory, _: check(directory),
         "preview": lambda directory, _: preview(directory),
@@ -271,9 +265,7 @@ def _reader(*, warm: bool) -> Task:
     return _confined(works, beside=("preview", "offers"))
 
 
-def _preparer(*, warm: bool) -> Task:
-    from foldback.planner.pipeline.warm_up_paths import warm_up_fit, warm_up_paths
-
+def _preparer() -> Task:
     # So that the first preview does not wait for these imports.
     _load(
         "foldback.planner.pipeline.prepare",
@@ -282,14 +274,10 @@ def _preparer(*, warm: bool) -> Task:
         "foldback.planner.pathfinding.filling_methods",
         "foldback.planner.pathfinding.shape_overlap",
     )
-    if warm:
-        warm_up_paths()
-        warm_up_fit()
-    return _reader(warm=warm)
+    return _reader()
 
 
-def _movies(*, warm: bool) -> Task:
-    del warm  # movies need no kernels
+def _movies() -> Task:
     from foldback.planner.errors import TimelineError
     from foldback.web.movies.encoding import EncodingError, NoEncoderError
     from foldback.web.movies.make_movie import make_movie
@@ -327,13 +315,10 @@ def _movies(*, warm: bool) -> Task:
     return run_movie
 
 
-def _retimer(*, warm: bool) -> Task:
-    from foldback.server.processes.retime_task import clearance, motors, retime, warm_up
+def _retimer() -> Task:
+    from foldback.server.processes.retime_task import clearance, motors, retime
 
     _load(*COMPUTING_LIBRARIES)
-    if warm:
-        warm_up()
-
     works: dict[str, Work] = {
         "retime": lambda directory, _: retime(directory),
         "clearance": lambda directory, _: clearance(directory),
@@ -342,11 +327,8 @@ def _retimer(*, warm: bool) -> Task:
     return _confined(works)
 
 
-def _pictures(*, warm: bool) -> Task:
-    del warm  # always, because a confined process cannot store a kernel that it compiles
-    from foldback.server.processes.picture_task import draw, warm_up
-
-    warm_up()
+def _pictures() -> Task:
+    from foldback.server.processes.picture_task import draw
 
     return _confined({"picture": lambda directory, _: draw(directory)})
 
@@ -359,33 +341,29 @@ def _work(kind: str, directory: Path, folders: Sequence[str]) -> Allowed:
     return Allowed(writable=tuple(map(Path, folders)) or (directory,))
 
 
-def task_of(kind: str, *, warm: bool, progress: Report, directory: Path | None = None) -> Task:
-    """Load the libraries of a kind of child and return its task.
-
-    Args:
-        kind: Kind of child.
-        warm: True to run each kernel once.
-        progress: Called while kernels are compiled.
-        directory: Directory of the compilation's locks; if None, that of the compiled kernels.
-    """
-    kinds = {
-        "stages": partial(_stages, progress, directory),
-        "reader": _reader,
-        "preparer": _preparer,
-        "movies": _movies,
-        "retimer": _retimer,
-        "pictures": _pictures,
-    }
-    return kinds[kind](warm=warm)
+TASKS: Final[dict[str, Callable[[], Task]]] = {
+    "stages": _stages,
+    "reader": _reader,
+    "preparer": _preparer,
+    "movies": _movies,
+    "retimer": _retimer,
+    "pictures": _pictures,
+}
+"""Functions that load the libraries of a kind of child and return its task."""
 
 
-def serve(kind: str, limits: Mapping[str, Any], load: Callable[[Report], Task]) -> None:
+def task_of(kind: str) -> Task:
+    """Load the libraries of a kind of child and return its task."""
+    return TASKS[kind]()
+
+
+def serve(kind: str, limits: Mapping[str, Any], load: Callable[[], Task]) -> None:
     """Serve requests until the parent has ended.
 
     Args:
         kind: Kind of this child.
         limits: Fields of ``ChildLimits``.
-        load: Loads the task of this kind; reports progress to its argument.
+        load: Loads the task of this kind.
     """
     setproctitle(f"foldback {kind}")
     if kind in LOW_PRIORITY_KINDS:
@@ -395,7 +373,7 @@ def serve(kind: str, limits: Mapping[str, Any], load: Callable[[Report], Task]) 
     parent = _Parent(events)
     _offer()
     try:
-        task = load(parent.progress)
+        task = load()
         _limit(limits["memory_bytes"], limits["cpu_s"])
     except Exception:
         traceback.print_exc()
@@ -463,7 +441,7 @@ def _problem(error: Exception) -> tuple[str, str]:
 def main() -> None:
     """Load the task, and serve requests until the parent has ended."""
     kind, limits = sys.argv[1], json.loads(sys.argv[2])
-    serve(kind, limits, lambda progress: task_of(kind, warm=limits["warm"], progress=progress))
+    serve(kind, limits, partial(task_of, kind))
 
 
 if __name__ == "__main__":

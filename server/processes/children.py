@@ -36,10 +36,10 @@ CHILD_POLL_S: Final = 0.05
 cancellation, in s."""
 CANCEL_GRACE_S: Final = 0.7
 """Time that a computing process may take to end a cancelled task, in s; then it is killed."""
-MAX_START_CPU_S: Final = 240.0
-"""Maximum processor time of the start of a computing process, in s, with the compilation of
-numerical kernels; beyond it the process is killed."""
-MAX_START_S: Final = 3600.0
+MAX_START_CPU_S: Final = 60.0
+"""Maximum processor time of the start of a computing process, in s; beyond it the process is
+killed."""
+MAX_START_S: Final = 600.0
 """Maximum wall time of the start of a computing process, in s; beyond it the process is killed."""
 KILL_S: Final = 10.0
 """Time within which a killed computing process must end, in s; otherwise its fork server counts as
@@ -91,7 +91,6 @@ class ChildError(Exception):
 class _Spawned(subprocess.Popen[bytes]):
     """Child that is started without a fork server; same interface as ``Forked``."""
 
-    told: Final = None
     begun: Final = True
     lost: Final = False
     stalled: Final = False
@@ -190,7 +189,7 @@ class Child:
             InputError: If the input is invalid.
             ChildError: If the child crashed or exceeded a limit.
         """
-        if not self._wait_ready(on_progress, cancelled):
+        if not self._wait_ready(cancelled):
             return {"status": "cancelled", "reason": "cancelled"}
         self.calls += 1
         self._send({"task": task, "directory": str(directory), "epoch": epoch})
@@ -248,24 +247,13 @@ class Child:
             with contextlib.suppress(BrokenPipeError):
                 self._process.stdin.close()
 
-    def _wait_ready(
-        self,
-        on_progress: Callable[[dict[str, Any]], None] | None,
-        cancelled: Callable[[], bool] | None,
-    ) -> bool:
-        """Wait for imports and compiled kernels; return False if cancelled meanwhile."""
+    def _wait_ready(self, cancelled: Callable[[], bool] | None) -> bool:
+        """Wait until the child has loaded its libraries; return False if cancelled meanwhile."""
         deadline = time.monotonic() + MAX_START_S
-        last_told = None
         while not self._ready:
             event = self._next(2 * CHILD_POLL_S)
-            if (now := self._process.told) and now != last_told and on_progress is not None:
-                on_progress(now)
-            last_told = now
             if event is not None and event["event"] == "ready":
                 self._ready = True
-            elif event is not None and event["event"] == "progress":
-                if on_progress is not None:
-                    on_progress(event)
             elif (
                 event is not None or time.monotonic() > deadline or self._cpu_s() > MAX_START_CPU_S
             ):
@@ -515,7 +503,6 @@ class Pool:
     def _keep(self, child: Child) -> None:
         # The limit of processor time applies to the child's whole life. A cancellation may have
         # ended the child.
-        # its limit of processor time is for its whole life
         if child.calls >= 200 or not child.alive:
             self._children.release(child)
             return

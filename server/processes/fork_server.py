@@ -19,7 +19,6 @@ import threading
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any, BinaryIO, Final, Literal
 
 from foldback.server.processes.limits import ChildLimits, environment_of_child
@@ -39,7 +38,7 @@ PING_INTERVAL_S: Final = 1.0
 s."""
 MAX_SILENCE_S: Final = 30.0
 """Time within which the fork server must answer a ping, in s; otherwise it counts as hung, and
-another one replaces it. It answers in milliseconds, but loads compiled kernels for some seconds."""
+another one replaces it. It answers in milliseconds."""
 
 
 def environment_with(extra: Mapping[str, str]) -> dict[str, str]:
@@ -78,11 +77,6 @@ class Forked:
     def end_server(self) -> None:
         """End the fork server and all its children; the next child starts another one."""
         self._server.close()
-
-    @property
-    def told(self) -> dict[str, Any] | None:
-        """Latest progress event of the fork server while it starts."""
-        return self._server.told
 
     def poll(self) -> int | None:
         """Return the exit code, negative for a signal; None while it runs."""
@@ -127,13 +121,13 @@ class Forked:
 class _Running:
     """Running process of a fork server."""
 
-    def __init__(self, configuration: Mapping[str, Any], environment: Mapping[str, str]) -> None:
+    def __init__(self, kinds: Sequence[Kind], environment: Mapping[str, str]) -> None:
         own_end, child_end = socket.socketpair()
         with child_end:
             self._process = subprocess.Popen(
                 [
                     *(sys.executable, "-P", "-m", "foldback.server.processes.fork_server_process"),
-                    *(str(child_end.fileno()), json.dumps(configuration)),
+                    *(str(child_end.fileno()), json.dumps(kinds)),
                 ],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
@@ -147,8 +141,6 @@ class _Running:
         self._asked: dict[int, Forked] = {}
         self._forked: dict[int, Forked] = {}
         self._failed = False
-        self.told: dict[str, Any] | None = None
-        """Latest reported progress; None once it is ready."""
         self.ready = False
         self._heard_at = 0.0
         self._pinged_at: float | None = None
@@ -229,10 +221,7 @@ class _Running:
         with self._lock:
             self._heard_at, self._pinged_at = time.monotonic(), None
             match message:
-                case {"progress": progress}:
-                    self.told = progress
                 case {"ready": _}:
-                    self.told = None
                     self.ready = True
                 case {"failed": _}:
                     # Requested children receive the reason; further requests go to a new process.
@@ -254,20 +243,13 @@ class ForkServer:
 
     Args:
         kinds: Kinds of children that it forks.
-        warm: True to run every kernel once, so that no child has to load it.
-        directory: Directory of the compilation's locks; if None, that of the compiled kernels.
         environment: Additional environment variables.
     """
 
     def __init__(
-        self,
-        kinds: Sequence[Kind],
-        *,
-        warm: bool,
-        directory: Path | None = None,
-        environment: Mapping[str, str] | None = None,
+        self, kinds: Sequence[Kind], *, environment: Mapping[str, str] | None = None
     ) -> None:
-        self._asked = {"kinds": kinds, "warm": warm, "directory": directory and str(directory)}
+        self._kinds = kinds
         self._environment = dict(environment or {})
         self._lock = threading.Lock()
         self._running: _Running | None = None
@@ -277,17 +259,6 @@ class ForkServer:
     def pid(self) -> int | None:
         """Process id; None before the start."""
         return None if self._running is None else self._running.pid
-
-    @property
-    def told(self) -> dict[str, Any] | None:
-        """Latest reported progress; None before the start and once it is ready."""
-        return None if self._running is None else self._running.told
-
-    @property
-    def starting(self) -> bool:
-        """True from the start until it can fork."""
-        running = self._running
-        return running is not None and running.alive and not running.ready
 
     def start(self) -> None:
         """Start the fork server ahead of the first child."""
@@ -317,5 +288,5 @@ class ForkServer:
         if self._closed:
             raise BrokenPipeError("the fork server was closed")
         if self._running is None or not self._running.alive:
-            self._running = _Running(self._asked, self._environment)
+            self._running = _Running(self._kinds, self._environment)
         return self._running

@@ -1,4 +1,4 @@
-"""Fork server process: loads the children's libraries and kernels, and forks the children.
+"""Fork server process: loads the children's libraries, and forks the children.
 
 It reads no data of visitors. It has only one thread, because a fork does not copy other threads.
 Each child applies its own limits and sandbox after the fork.
@@ -12,22 +12,13 @@ import os
 import select
 import signal
 import socket
-import subprocess
 import sys
-import threading
 import traceback
 from collections import deque
-from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
-from functools import partial
-from pathlib import Path
+from contextlib import suppress
 from types import FrameType
 from typing import Any, Final, NoReturn
 
-from foldback.planner.compilation.compiling import Compiling, beside
-from foldback.planner.compilation.compiling_lock import compiling_fraction
-from foldback.planner.progress import Progress, silent
 from foldback.server.errors import UNEXPECTED_WORDS
 from foldback.server.processes.child import Task, serve, task_of
 from foldback.server.processes.sandbox import end_threads
@@ -35,8 +26,6 @@ from foldback.server.processes.sandbox import end_threads
 MAX_REQUEST_BYTES: Final = 65536
 """Number of bytes that the fork server, which starts computing processes, reads at most at once
 from its control socket. A request must fit into it, so a smaller value could lose requests."""
-PREPARER: Final = "preparer"
-"""Kind of the children that prepare previews."""
 
 
 class _Requests:
@@ -67,10 +56,6 @@ class _Requests:
         except (BrokenPipeError, ConnectionResetError):
             os._exit(1)
 
-    def progress(self, progress: Progress) -> None:
-        """Send the progress of the start."""
-        self.answer(progress=asdict(progress))
-
     def refuse(self, reason: str) -> NoReturn:
         """Answer all requests, forever, with the reason why no child can be forked."""
         self.answer(failed=reason)
@@ -96,29 +81,12 @@ def _wake(number: int, frame: FrameType | None) -> None:
     """Do nothing. The wake-up pipe gets a byte only if ``SIGCHLD`` has a Python handler."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Late:
-    """Kind of children whose kernels another process is still compiling.
-
-    Attributes:
-        kind: The kind.
-        compiling: The process that compiles the kernels.
-        load: Loads the task with the compiled kernels.
-    """
-
-    kind: str
-    compiling: subprocess.Popen[bytes]
-    load: Callable[[], Task]
-
-
 class _Forks:
     """Forked children."""
 
-    def __init__(self, requests: _Requests, tasks: dict[str, Task], late: _Late | None) -> None:
+    def __init__(self, requests: _Requests, tasks: dict[str, Task]) -> None:
         self._requests = requests
         self._tasks = tasks
-        self._late = late
-        self._waiting: list[Callable[[], None]] = []
         self._woken, self._wakes = os.pipe()
         for end in (self._woken, self._wakes):
             os.set_blocking(end, False)
@@ -128,14 +96,12 @@ class _Forks:
 
     def serve(self, control: socket.socket) -> None:
         """Answer requests until the parent has ended."""
-        self._load_late()
         while True:
             ready, _, _ = select.select([control, self._woken], [], [])
             if self._woken in ready:
                 with suppress(BlockingIOError):
                     os.read(self._woken, MAX_REQUEST_BYTES)
                 self._reap()
-                self._load_late()
             if control in ready:
                 for request in self._requests.receive():
                     self._do(request)
@@ -143,11 +109,7 @@ class _Forks:
     def _do(self, request: dict[str, Any]) -> None:
         match request:
             case {"fork": number, "kind": kind, "limits": limits}:
-                fork = partial(self._fork, number, kind, limits, self._requests.pipes())
-                if self._late is not None and self._late.kind == kind:
-                    self._waiting.append(fork)
-                else:
-                    fork()
+                self._fork(number, kind, limits, self._requests.pipes())
             case {"ping": number}:
                 self._requests.answer(pong=number)
             case {"kill": pid}:
@@ -183,91 +145,15 @@ class _Forks:
         for file in (stdin, stdout, self._woken, self._wakes):
             os.close(file)
         self._requests.close()
-        serve(kind, limits, lambda _: self._tasks[kind])
+        serve(kind, limits, lambda: self._tasks[kind])
 
     def _reap(self) -> None:
         while self._running:
             pid, status = os.waitpid(-1, os.WNOHANG)
             if not pid:
                 return
-            if pid in self._running:  # otherwise it is a compiling process
-                self._running.discard(pid)
-                self._requests.answer(ended=pid, code=os.waitstatus_to_exitcode(status))
-
-    def _load_late(self) -> None:
-        """Load the kernels once the compiling process has ended, and fork waiting children."""
-        if self._late is None or self._late.compiling.poll() is None:
-            return
-        self._tasks[self._late.kind] = self._late.load()
-        self._late = None
-        _compact_before_fork()
-        for fork in self._waiting:
-            fork()
-
-
-@contextmanager
-def _ending_with(parent: socket.socket) -> Generator[None]:
-    """End this process if the parent closes the connection within the context.
-
-    A thread watches the connection, because compiler and imports occupy the main thread for a
-    minute. The thread ends with the context, before any fork.
-    """
-    stopped, stop = os.pipe()
-
-    def watch() -> None:
-        hung_up = select.poll()
-        for file in (parent.fileno(), stopped):
-            hung_up.register(file, 0)
-        if any(file == parent.fileno() for file, _ in hung_up.poll()):
-            os._exit(1)
-
-    watching = threading.Thread(target=watch, name="parent", daemon=True)
-    watching.start()
-    try:
-        yield
-    finally:
-        os.close(stop)
-        watching.join()
-        os.close(stopped)
-
-
-def _tasks(
-    kinds: Sequence[str], requests: _Requests, *, warm: bool, directory: Path | None
-) -> tuple[dict[str, Task], _Late | None]:
-    """Return the task of each kind; if ``warm``, with compiled and loaded kernels.
-
-    If the first kind has to compile kernels, other processes compile those of the other kinds, so
-    that the start does not wait for them. Children that prepare previews wait, because a confined
-    process could not store the kernels that it compiles; others load them from the cache.
-    """
-    tasks = dict[str, Task]()
-    with Compiling() as compiling:
-        for kind in kinds:
-            tasks[kind] = task_of(
-                kind,
-                warm=warm and not compiling.has_reported,
-                progress=requests.progress,
-                directory=directory,
-            )
-    late = None
-    if warm and len(tasks) > 1 and compiling.has_reported:
-        if PREPARER in tasks:
-            load = partial(_load_preparer, directory)
-            late = _Late(kind=PREPARER, compiling=beside("paths", directory), load=load)
-        else:
-            beside("all", directory)
-    if "stages" in tasks and not warm:  # otherwise each fold would load its kernels for 1.5 s
-        from foldback.planner.pipeline.warm_up import warm_up_folding
-
-        warm_up_folding(requests.progress, directory=directory)
-    return tasks, late
-
-
-def _load_preparer(directory: Path | None) -> Task:
-    """Return the task that prepares previews; compile all kernels unless a worker does."""
-    if directory is None or compiling_fraction(directory) is None:
-        beside("all", directory)
-    return task_of(PREPARER, warm=True, progress=silent, directory=directory)
+            self._running.discard(pid)
+            self._requests.answer(ended=pid, code=os.waitstatus_to_exitcode(status))
 
 
 def _compact_before_fork() -> None:
@@ -283,20 +169,15 @@ def _compact_before_fork() -> None:
 def main() -> None:
     """Load the tasks, and serve requests until the parent has ended."""
     control = socket.socket(fileno=int(sys.argv[1]))
-    configuration = json.loads(sys.argv[2])
     requests = _Requests(control)
     try:
-        with _ending_with(control):
-            directory = configuration["directory"] and Path(configuration["directory"])
-            tasks, late = _tasks(
-                configuration["kinds"], requests, warm=configuration["warm"], directory=directory
-            )
+        tasks = {kind: task_of(kind) for kind in json.loads(sys.argv[2])}
         _compact_before_fork()
     except Exception:
         traceback.print_exc()
         requests.refuse(UNEXPECTED_WORDS)
     requests.answer(ready=True)
-    _Forks(requests, tasks, late).serve(control)
+    _Forks(requests, tasks).serve(control)
 
 
 if __name__ == "__main__":

@@ -24,14 +24,12 @@ class ChildLimits:
         niceness: Niceness (POSIX).
         folders: Directories in which it processes its requests; if empty, the directory of its
             first request.
-        warm: True to run every kernel once before its first request.
     """
 
     memory_bytes: int
     cpu_s: float
     niceness: int = 0
     folders: tuple[str, ...] = ()
-    warm: bool = True
 
     @classmethod
     def of(cls, settings: Settings, *, awaited: bool = False) -> ChildLimits:
@@ -48,7 +46,6 @@ class ChildLimits:
             cpu_s=settings.stage_cpu_seconds,
             niceness=min(niceness, 5) if awaited else niceness,
             folders=folders if awaited else (),
-            warm=settings.prewarm,
         )
 
 
@@ -63,7 +60,7 @@ PR_SET_DUMPABLE: Final = 4
 (linux/prctl.h)."""
 CHILD_VARIABLES: Final = re.compile(
     r"PATH|HOME|USER|LOGNAME|LANG|LANGUAGE|LC_[A-Z]+|TZ|TMPDIR|TEMP|TMP|VIRTUAL_ENV|DISPLAY"
-    r"|(PYTHON|LD|DYLD|XDG|CONDA|NUMBA|MUJOCO|IMAGEIO|FFMPEG|COVERAGE"
+    r"|(PYTHON|LD|DYLD|XDG|CONDA|MUJOCO|IMAGEIO|FFMPEG|COVERAGE"
     r"|PYOPENGL|MESA|LIBGL|GALLIUM|GBM|EGL|__EGL|__GLX|CUDA|NVIDIA)_?[A-Z0-9_]*"
 )
 """Matches the names of environment variables that a computing process inherits; all others are

@@ -10,18 +10,12 @@ import numpy as np
 
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.chain_attributes import chain_from_attributes
-from foldback.planner.chain.path import Path as CellPath
 from foldback.planner.errors import InputError
 from foldback.planner.storage.file_names import CHAIN
 from foldback.server.processes.scratch import MOMENT_FILE, PICTURE
 from foldback.web.pictures.caption import Caption
 from foldback.web.pictures.picture_view import PictureView
 from foldback.web.pictures.social_picture import FOLDED_VIEW, Moment, social_picture
-
-
-def warm_up() -> None:
-    """Draw a small picture to compile the required kernels."""
-    social_picture(Chain.from_path(CellPath.from_cells([(0, 0, 0), (1, 0, 0), (1, 1, 0)])))
 
 
 def draw(directory: Path) -> dict[str, Any]:

@@ -31,11 +31,6 @@ MAX_DRAWN_CELLS: Final = 4000
 view is ready; larger ones have none, as it would make the page slow."""
 
 
-def warm_up() -> None:
-    """Compile the kernels for checks of chains, so that uploads do not wait for this."""
-    _ = Chain.from_path(CellPath.from_cells([(0, 0, 0), (1, 0, 0), (1, 1, 0)])).folded_poses
-
-
 def check(directory: Path) -> dict[str, Any]:
     """Check that a directory's input can become a fold; return ``name``, ``module``, ``modules``.
 

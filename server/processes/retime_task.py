@@ -17,10 +17,6 @@ from foldback.planner.storage.file_names import PLAN
 from foldback.server.processes.scratch import MOTORS_FILE, request_in
 
 
-def warm_up() -> None:
-    """Do nothing."""
-
-
 def retime(directory: Path) -> dict[str, Any]:
     """Write the trajectory that ``request.json`` describes; return facts of its plan.
 

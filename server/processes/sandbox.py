@@ -34,7 +34,7 @@ them."""
 PYTHON_PATHS: Final = ("bin", "lib", "lib64", "lib32", "share", "pyvenv.cfg")
 GPU_DEVICES: Final = ("/dev/dri", "/dev/kfd", "/dev/dxg")
 PATH_VARIABLES: Final = (
-    *("NUMBA_CACHE_DIR", "LD_LIBRARY_PATH", "IMAGEIO_FFMPEG_EXE"),
+    *("LD_LIBRARY_PATH", "IMAGEIO_FFMPEG_EXE"),
     *("__EGL_VENDOR_LIBRARY_DIRS", "__EGL_VENDOR_LIBRARY_FILENAMES", "LIBGL_DRIVERS_PATH"),
 )
 """Environment variables with colon-separated paths that libraries read; a confined computing

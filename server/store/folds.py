@@ -10,7 +10,7 @@ from __future__ import annotations
 import secrets
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar, TypeVarTuple
@@ -20,7 +20,6 @@ from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 from sqlalchemy.orm import Session, sessionmaker
 
 from foldback.planner.pipeline.expected_cost import ExpectedCost, expected_cost
-from foldback.planner.progress import COMPILING
 from foldback.server.limits.fair_queue import (
     QUICK_FOLD_S,
     is_quick,
@@ -75,14 +74,12 @@ class Ahead(NamedTuple):
         ahead_s: Expected seconds of the folds before it, at the recently measured speed.
         running_s: Remaining seconds of the running folds, at most until their slices are over.
         running: Number of running folds.
-        compiling: Compiled fraction of the kernels if a running fold compiles them; else None.
     """
 
     place: int
     ahead_s: float
     running_s: float
     running: int
-    compiling: float | None
 
 
 class Store:
@@ -267,29 +264,27 @@ class Store:
         queued = sa.select(
             sa.func.count(), sa.func.coalesce(sa.func.sum(FoldRow.cost_s), 0.0)
         ).where(FoldRow.status == "queued", before, in_lane(quick=is_quick(row.cost_s)))
-        running = sa.select(
-            FoldRow.cost_s, FoldRow.pauses, FoldRow.resumed_at, FoldRow.progress
-        ).where(FoldRow.status == "running", in_lane(quick=is_quick(row.cost_s)))
+        running = sa.select(FoldRow.cost_s, FoldRow.pauses, FoldRow.resumed_at).where(
+            FoldRow.status == "running", in_lane(quick=is_quick(row.cost_s))
+        )
         now = time.time()
         with self.reading() as session:
             count, ahead_s = session.execute(queued).one()
             factor = self._duration_factor(session)
             left_s = 0.0
             computed = session.execute(running).all()
-            for cost_s, pauses, since, _ in computed:
+            for cost_s, pauses, since in computed:
                 spent_s = now - (since or now)
                 cheaper = row.cost_s < cost_s
                 room_s = slice_s(cost_s, pauses, self._first_slice_s, for_cheaper=cheaper) - spent_s
                 expected_s = max(0.2 * factor * cost_s, factor * cost_s - spent_s)
                 # the check of the queue, and the end of a step
                 left_s += min(expected_s, max(1.0, room_s))
-        compiled = [compiled_fraction(fold_progress) for *_, fold_progress in computed]
         return Ahead(
             place=count + 1,
             ahead_s=factor * float(ahead_s),
             running_s=left_s,
             running=len(computed),
-            compiling=max((f for f in compiled if f is not None), default=None),
         )
 
     @staticmethod
@@ -612,11 +607,6 @@ class Store:
 def cost_of(row: FoldRow, modules: int | None = None) -> ExpectedCost:
     """Return the expected cost of a fold, or of a similar one with ``modules`` modules."""
     return expected_cost(row.modules if modules is None else modules, request_of(row))
-
-
-def compiled_fraction(progress: Mapping[str, Any]) -> float | None:
-    """Return the compiled fraction of the kernels that a running fold reports; None if ready."""
-    return progress.get("fraction") if progress.get("message") == COMPILING else None
 
 
 def in_lane(*, quick: bool) -> sa.ColumnElement[bool]:

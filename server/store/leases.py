@@ -10,50 +10,14 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from hashlib import sha256
 from importlib.metadata import version
-from operator import attrgetter
-from typing import Final
 
 import sqlalchemy as sa
-from cachetools import TTLCache, cachedmethod
 
-from foldback.planner.compilation.compiling_lock import IMPORTS_FRACTION
 from foldback.server.settings import Settings
 from foldback.server.store.folds import Store, rows_of
-from foldback.server.store.schema import CounterRow, WorkerRow
+from foldback.server.store.schema import WorkerRow
 from foldback.server.store.worker_identity import WorkerIdentities
-
-COMPILED_COUNT: Final = 1000
-"""Scale of the counter that holds the compiled fraction of a worker's numerical kernels in the
-database, as an integer in thousandths: the value once all are compiled."""
-MIN_COMPILED_FRACTION: Final = IMPORTS_FRACTION
-"""Compiled fraction of a worker's numerical kernels from which on the remaining time is
-extrapolated."""
-COMPILING_CACHE_S: Final = 0.4
-"""Time for which the compiled fraction of the workers' numerical kernels is cached, in s."""
-SERVICE_START_S: Final = 60.0
-"""Time after the start of the service for which missing workers count as starting rather than as
-failed, in s."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Compilation:
-    """Progress of the workers while none of them can compute yet.
-
-    Attributes:
-        fraction: Compiled fraction of the kernels of the most advanced worker, 0 to 1.
-        remaining_s: Estimated seconds until it can compute; None if unknown.
-    """
-
-    fraction: float
-    remaining_s: float | None
-
-
-def _compilation_key(name: str) -> str:
-    """Return the name of the counter with a worker's compiled fraction."""
-    return f"compilation {sha256(name.encode()).hexdigest()[:20]}"
 
 
 class Leases:
@@ -64,7 +28,6 @@ class Leases:
         identities: The workers of this machine.
         lease_s: Time without a heartbeat after which a worker counts as dead, s.
         clock: Monotonic clock in seconds.
-        expects_workers: True if workers start with this process.
     """
 
     def __init__(
@@ -74,7 +37,6 @@ class Leases:
         lease_s: float,
         *,
         clock: Callable[[], float] = time.monotonic,
-        expects_workers: bool = False,
     ) -> None:
         self._store = store
         self._identities = identities
@@ -83,17 +45,11 @@ class Leases:
         self._lock = threading.Lock()
         self._beats: dict[str, tuple[int | None, float]] = {}
         self._looked_at = clock()
-        self._made_at = clock()
-        self._expects_workers = expects_workers
-        self._cached_compilation: TTLCache[tuple[()], Compilation | None] = TTLCache(
-            1, COMPILING_CACHE_S, timer=clock
-        )
 
     @classmethod
     def of(cls, settings: Settings, store: Store) -> Leases:
         """Return the leases of a service with these settings."""
-        identities = WorkerIdentities(settings)
-        return cls(store, identities, settings.lease_s, expects_workers=settings.workers > 0)
+        return cls(store, WorkerIdentities(settings), settings.lease_s)
 
     def heartbeat(self, name: str, *, host: str, pid: int, folds_at_once: int) -> None:
         """Increment the heartbeat counter of a worker."""
@@ -118,38 +74,6 @@ class Leases:
         """Deregister a worker."""
         with self._store.changing() as session:
             session.execute(sa.delete(WorkerRow).where(WorkerRow.name == name))
-            session.execute(sa.delete(CounterRow).where(CounterRow.name == _compilation_key(name)))
-
-    def note_compilation(self, name: str, fraction: float | None) -> None:
-        """Store the compiled fraction of a worker's kernels, 0 to 1; None if it is ready."""
-        with self._store.changing() as session:
-            session.execute(sa.delete(CounterRow).where(CounterRow.name == _compilation_key(name)))
-            if fraction is not None:
-                value = round(COMPILED_COUNT * min(max(fraction, 0.0), 1.0))
-                session.add(CounterRow(name=_compilation_key(name), value=value))
-
-    def compilation(self) -> Compilation | None:
-        """Return the progress of the workers' compilation; None if one can compute.
-
-        Callers share one query per ``COMPILING_CACHE_S``.
-        """
-        return self._read_compilation()
-
-    @cachedmethod(attrgetter("_cached_compilation"), lock=attrgetter("_lock"))
-    def _read_compilation(self) -> Compilation | None:
-        workers = self.workers()
-        if not workers:
-            starting = self._expects_workers and self._clock() - self._made_at < SERVICE_START_S
-            return Compilation(fraction=0.0, remaining_s=None) if starting else None
-        keys = {_compilation_key(row.name): row for row in workers}
-        rows = self._store.scalars(sa.select(CounterRow).where(CounterRow.name.in_(keys)))
-        if len(rows) < len(workers):
-            return None
-        best = max(rows, key=lambda row: row.value)
-        fraction, spent_s = best.value / COMPILED_COUNT, time.time() - keys[best.name].started_at
-        is_known = fraction >= MIN_COMPILED_FRACTION and spent_s > 0.0
-        left_s = spent_s * (1.0 - fraction) / fraction if is_known else None
-        return Compilation(fraction=fraction, remaining_s=left_s)
 
     def workers(self) -> list[WorkerRow]:
         """Return the workers that are not known to be dead."""

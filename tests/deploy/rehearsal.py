@@ -2,7 +2,7 @@
 
 Run by ``make compose-check``, as root on Linux. Each service is a process in a network namespace of
 its own, with the networks, names, addresses and environment that the file and the Dockerfile set;
-only the paths of data and kernels differ. PostgreSQL and Caddy are those of this machine; moto
+only the path of the data differs. PostgreSQL and Caddy are those of this machine; moto
 replaces the S3 store, and a hosts file replaces Docker's name server. Nothing of it is visible
 outside: all namespaces end with this process.
 """
@@ -119,7 +119,7 @@ class Services:
 
     def foldback_env(self, replica: str) -> dict[str, str]:
         """Return the environment of image and file, with a data directory of this machine."""
-        image = {k: v for k, v in self.image.items() if k not in ("PATH", "NUMBA_CACHE_DIR")}
+        image = {k: v for k, v in self.image.items() if k != "PATH"}
         data = {"FOLDBACK_DATA_DIR": str(self.place / f"data-{replica}")}
         named = self.environment(replica.rpartition("-")[0])
         return {**image, **named, **data, "PYTHONPATH": str(ROOT)}

@@ -53,7 +53,7 @@ def without_settings(monkeypatch: pytest.MonkeyPatch) -> None:
 def process_state(monkeypatch: pytest.MonkeyPatch) -> None:
     """Prevent commands of the service from changing the process of the tests."""
     for module in (serve, worker_command, worker):
-        for name in ("keep_secrets", "set_up_logs", "forbid_compiling"):
+        for name in ("keep_secrets", "set_up_logs"):
             monkeypatch.setattr(module, name, lambda *_: None, raising=False)
 
 

@@ -37,7 +37,7 @@ class SharedForks(ForkServer):
         """Do nothing: the fork server ends with the process of the tests."""
 
 
-FORKS = SharedForks(["reader", "preparer", "retimer", "stages"], warm=False)
+FORKS = SharedForks(["reader", "preparer", "retimer", "pictures", "stages"])
 atexit.register(ForkServer.close, FORKS)
 for module in (context, runner):
     setattr(module, ForkServer.__name__, lambda *_, **__: FORKS)  # pyright: ignore

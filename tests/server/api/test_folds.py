@@ -11,7 +11,6 @@ import pytest
 from foldback.planner.motion.timeline import Timeline
 from foldback.server.limits.concurrency_quota import BUSY_RETRY_S
 from foldback.server.processes.children import BUSY, ChildError, Pool
-from foldback.server.store.leases import Compilation, Leases
 from tests.planner.chains import chain_of
 from tests.server.rows import store_of
 from tests.server.service_process import SNAKE, STAIRS, FinishedFold, Service, owner, wait_until
@@ -159,16 +158,6 @@ def test_settings_that_change_something_make_another_fold(idle: Service) -> None
         first["id"],
         plain["id"],
     )
-
-
-def test_previews_report_the_compilation(idle: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = idle.preview("path.json", json.dumps(SNAKE))
-    assert before["compilation"] is None
-    compilation = Compilation(fraction=0.42, remaining_s=69.2)
-    monkeypatch.setattr(Leases, "compilation", lambda _: compilation)
-    later = idle.preview("path.json", json.dumps(SNAKE))
-    assert later["compilation"] == {"fraction": 0.42, "remaining_s": 70}
-    assert "the folding software, 42 % done" in idle.http.get(before["links"]["page"]).text
 
 
 def test_busy_reader_says_when_to_try_again(idle: Service, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -77,9 +77,7 @@ def test_client_docs_and_preview_page_have_each_option() -> None:
     row = "| `pace` | `brisk`, `slow` | `brisk` | Pace: `brisk`, or `slow` for spectators. |"
     assert row in make_options.page(make_options.PAGE.read_text(encoding="utf-8"), Extended)
     facts = {"name": "Cup", "most_modules": 100, "origin": {}}
-    html = rendered(
-        "preview.html", facts=facts, facts_json="{}", options=options_of(Extended), compilation=None
-    )
+    html = rendered("preview.html", facts=facts, facts_json="{}", options=options_of(Extended))
     _, _, extra = html.partition('id="more-options"')  # the script sends all fields of this form
     control, _, _ = extra.partition("</div>")
     assert '<select id="pace" name="pace"><option value="brisk">Brisk</option>' in control

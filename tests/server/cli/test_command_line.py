@@ -151,7 +151,7 @@ OTHER_INPUTS |= {"foldback.planner.pathfinding.shape_overlap", "foldback.planner
 def test_each_process_starts_without_packages_of_others(
     steps: dict[str, set[str]], tmp_path: Path
 ) -> None:
-    """A service starts several processes, and users wait for it: docs/decisions/0021-compiling.md.
+    """A service starts several processes, and users wait for it: decision 0022.
 
     Here one process runs the start of each in turn; earlier starts can only add to the imports of
     later ones.

@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 
 from foldback.planner.pipeline.request import FoldRequest
-from foldback.planner.progress import COMPILING
 from foldback.server.jobs.eta import EtaEstimator, left_s
 from foldback.server.schemas import expected_times, progress_of
 from foldback.server.settings import Settings
@@ -20,7 +19,7 @@ from foldback.server.store.estimates import (
     typical_s,
 )
 from foldback.server.store.folds import Store
-from foldback.server.store.leases import Compilation, Leases
+from foldback.server.store.leases import Leases
 from foldback.server.store.worker_identity import WorkerIdentities
 from tests.server.rows import SOMEBODY, a_fold
 from tests.server.store.test_leases import Clock
@@ -174,7 +173,7 @@ def test_slow_stages_raise_the_estimate_of_later_ones() -> None:
     spent = {"read": 0.5, "explode": 24.0}
     rest_s = left_s(USUAL, stage="play_back", fraction=0.0, spent_s=spent, elapsed_s=0.0)
     assert rest_s == pytest.approx(6.5 * (3.0 + 24.0) / (3.0 + 8.0))
-    # A first stage that includes compiling does not affect the estimate for the others.
+    # A first stage that waited for its process does not affect the estimate for the others.
     late = {"read": 90.0, "explode": 8.0}
     rest_s = left_s(USUAL, stage="play_back", fraction=0.0, spent_s=late, elapsed_s=0.0)
     assert rest_s == pytest.approx(6.5)
@@ -190,34 +189,11 @@ def test_estimate_with_a_preference_repeats_stages() -> None:
     assert second_left_s == pytest.approx(2.5 + 5.0)
 
 
-def test_wait_of_queued_fold_includes_the_rest_of_preparing(
-    folds: Folds, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    folds.add("another")
-    add_queueds = (folds.add_queued("waiting"), folds.add_running("read", 0.0, began_at=NOW))
-    ready = [folds.remaining.of(folds.store.fold(fold)) for fold in add_queueds]
-    compilation = Compilation(fraction=0.5, remaining_s=30.0)
-    monkeypatch.setattr(Leases, "compilation", lambda self: compilation)
-    folds.remaining = folds.new_estimator()
-    later = [folds.remaining.of(folds.store.fold(fold)) for fold in add_queueds]
-    assert {outlook.compilation for outlook in later} == {compilation}
-    assert (later[0].wait_s or 0) - (ready[0].wait_s or 0) == 30.0
-    for before, after in zip(ready, later, strict=True):
-        assert (after.remaining_s or 0) - (before.remaining_s or 0) == 30
-
-
-def test_queued_and_running_folds_report_compiling(folds: Folds) -> None:
+def test_queued_folds_count_those_that_run(folds: Folds) -> None:
     queued = folds.add_queued("waiting")
     assert folds.progress(queued)["running_before"] == 0
-    now = folds.add_running("read", 0.25, began_at=NOW)
-    progress = folds.progress(queued)
-    assert (progress["running_before"], progress["compilation"]) == (1, None)
-    folds.store.report(now, 0, folds.store.fold(now).progress | {"message": COMPILING})
-    for fold in (queued, now):
-        progress = folds.progress(fold)
-        assert progress["compilation"] == {"fraction": 0.25, "remaining_s": None}
-        # The duration of this stage is unknown.
-        assert (progress["wait_s"], progress["remaining_s"]) == (None, None)
+    folds.add_running("read", 0.25, began_at=NOW)
+    assert folds.progress(queued)["running_before"] == 1
 
 
 def test_smoothing_before_its_first_report_is_not_an_explosion(folds: Folds) -> None:

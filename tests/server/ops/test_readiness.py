@@ -7,11 +7,6 @@ from pathlib import Path
 
 import httpx
 
-from foldback.planner.compilation.compiling_lock import (
-    FIRST_KERNELS_BYTES,
-    FIRST_LOCK,
-    CompilingLock,
-)
 from foldback.server.ops.readiness import Readiness
 from foldback.server.settings import Settings
 from foldback.server.store.folds import Store
@@ -36,16 +31,9 @@ def test_ready_service_reports_its_parts(idle: Service) -> None:
     assert answer.headers["cache-control"] == "no-store, no-transform"
 
 
-def test_missing_folders_workers_and_kernels_are_reasons(tmp_path: Path) -> None:
+def test_missing_folders_and_workers_are_reasons(tmp_path: Path) -> None:
     settings = Settings(data_dir=tmp_path, workers=0)
     with readiness(settings) as ready:
-        assert ready.state().ready
-        lock = CompilingLock(settings.root / FIRST_LOCK)
-        lock.acquire(lambda _: None)
-        lock.add(FIRST_KERNELS_BYTES // 4)
-        reasons = ready.state().reasons
-        lock.release()
-        assert reasons == ("kernels are being compiled (31%)",)
         assert ready.state().ready
     with readiness(Settings(data_dir=tmp_path, workers=1)) as ready:
         assert ready.state().reasons == ("no worker is running",)

@@ -7,8 +7,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
-import pytest
-
 from foldback.planner.motion.timeline import TimelineWriter
 from foldback.planner.parameters.explosion import (
     ExplosionParameters,
@@ -23,11 +21,9 @@ from foldback.planner.parameters.settings_text import ALL_SETTINGS, read_setting
 from foldback.server.context import Context
 from foldback.server.pages.facts import fold_facts
 from foldback.server.pages.fold import takes
-from foldback.server.settings import Settings
 from foldback.server.store.estimates import Estimates
 from foldback.server.store.fold_source import LocatedFold
 from foldback.server.store.folds import Store
-from foldback.server.store.leases import Compilation, Leases
 from foldback.words import quantities
 from foldback.words.fold import ShownFold
 from foldback.words.properties import used_parameters
@@ -158,21 +154,11 @@ def test_long_chain_is_not_offered_a_table_first(finished: FinishedFold, tmp_pat
     assert set(long) == set(offered(96)) and "On a table" in long[-3:-1]
 
 
-def test_times_of_offered_folds_name_the_compilation(
-    tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_offered_folds_name_their_times(tmp_path: Path, store: Store) -> None:
     facts = failed_fold(tmp_path, 0, status="verified")
-    leases = Leases.of(Settings(data_dir=tmp_path, workers=0), store)
-    context = cast(Context, SimpleNamespace(estimates=Estimates(store), leases=leases))
-
-    def hints() -> set[str]:
-        offers = fold_facts(facts, takes=takes(context))["compare"]
-        return {offer.get("hint", "") for offer in offers}
-
-    assert "Takes less than a minute" in hints()
-    compilation = Compilation(fraction=0.4, remaining_s=60.0)
-    monkeypatch.setattr(Leases, "compilation", lambda _: compilation)
-    assert "Takes less than a minute, once the folding software is ready" in hints()
+    context = cast(Context, SimpleNamespace(estimates=Estimates(store)))
+    offers = fold_facts(facts, takes=takes(context))["compare"]
+    assert "Takes less than a minute" in {offer.get("hint", "") for offer in offers}
 
 
 def test_fold_has_no_verdict_while_its_files_are_written(tmp_path: Path) -> None:

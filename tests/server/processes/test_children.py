@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 from unittest.mock import MagicMock
@@ -19,7 +19,7 @@ import psutil
 import pytest
 
 from foldback.planner.pipeline import stages
-from foldback.planner.progress import COMPILING, STAGES
+from foldback.planner.progress import STAGES
 from foldback.server.errors import UNEXPECTED_WORDS
 from foldback.server.limits.concurrency_quota import Quota
 from foldback.server.processes import child as child_process
@@ -32,12 +32,11 @@ from tests.server.service_process import SNAKE
 from tests.server.service_thread import FORKS
 
 CHECKOUT = Path(__file__).parents[3]
-LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
+LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0)
 pytestmark = pytest.mark.processes
 WITHOUT_LIBRARIES = """
 import sys, types
 from contextlib import nullcontext
-from foldback.planner.progress import COMPILING, Progress
 
 def stand_in(name, works="", **has):
     sys.modules[name] = types.ModuleType(name)
@@ -52,10 +51,8 @@ for name in (
 ).split():
     stand_in(name)
 staging = stand_in("foldback.planner.pipeline.stages", "run_stage")
-warming = stand_in("foldback.planner.pipeline.warm_up", "warm_up warm_up_folding")
-finding = stand_in("foldback.planner.pipeline.warm_up_paths", "warm_up_fit warm_up_paths")
-reading = stand_in("foldback.server.processes.read_task", "check offers preview warm_up")
-retiming = stand_in("foldback.server.processes.retime_task", "clearance motors retime warm_up")
+reading = stand_in("foldback.server.processes.read_task", "check offers preview")
+retiming = stand_in("foldback.server.processes.retime_task", "clearance motors retime")
 """
 """Code that runs before a child: it replaces the computation, and avoids the import time."""
 RUN_UPLOAD = """
@@ -173,18 +170,6 @@ def without_libraries(directory: Path, extra: str = "") -> dict[str, str]:
     return run_first(directory, WITHOUT_LIBRARIES + extra)
 
 
-def test_reports_of_a_starting_child_are_passed_on(directory: Path, tmp_path: Path) -> None:
-    environment = without_libraries(
-        tmp_path,
-        "told = Progress(stage='read', fraction=0.0, message=COMPILING)\n"
-        "warming.warm_up = lambda tell, soon, directory: tell(told)\n",
-    )
-    reports: list[object] = []
-    with make_child("stages", replace(LIMITS, warm=True), environment=environment) as child:
-        child.call("read", directory, wall_s=60, on_progress=lambda e: reports.append(e["message"]))
-    assert reports[:1] == [COMPILING]
-
-
 def test_stage_of_a_replaced_execution_does_not_run(directory: Path, tmp_path: Path) -> None:
     with make_child("stages", environment=without_libraries(tmp_path, "")) as child:
         answers = [child.call("read", directory, wall_s=60, epoch=n) for n in (9, 10, 9, 10)]
@@ -233,7 +218,7 @@ def test_reader_that_died_or_hangs_is_replaced(directory: Path, pool: Pool) -> N
 def overrun(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
     """Fork server whose children follow the instructions in an upload."""
     environment = without_libraries(tmp_path_factory.mktemp("code"), RUN_UPLOAD)
-    with closing(ForkServer(["stages"], warm=False, environment=environment)) as server:
+    with closing(ForkServer(["stages"], environment=environment)) as server:
         yield server
 
 

@@ -7,15 +7,13 @@ import sys
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 import psutil
 import pytest
 
-from foldback.planner.progress import COMPILING
 from foldback.server.processes import children, fork_server
 from foldback.server.processes.children import LOST, ChildError
-from foldback.server.processes.fork_server import ForkServer, Kind
+from foldback.server.processes.fork_server import ForkServer
 from tests.refusal import refused
 from tests.server.processes.test_children import make_child, upload_in, without_libraries
 from tests.server.service_process import TIMEOUT_S, wait_until
@@ -31,10 +29,10 @@ def directory(tmp_path: Path) -> Path:
     return upload_in(tmp_path)
 
 
-def make_server(directory: Path, extra: str = "", *, warm: bool = False) -> ForkServer:
+def make_server(directory: Path, extra: str = "") -> ForkServer:
     """Return a server whose children compute nothing, and that first runs more code."""
     directory.mkdir()
-    return ForkServer(["stages"], warm=warm, environment=without_libraries(directory, extra))
+    return ForkServer(["stages"], environment=without_libraries(directory, extra))
 
 
 @pytest.fixture(scope="module")
@@ -63,13 +61,12 @@ def test_children_of_one_server_are_processes_of_their_own(directory: Path) -> N
 def test_children_of_a_killed_fork_server_end_and_it_is_replaced(
     server: ForkServer, directory: Path
 ) -> None:
-    assert not server.starting
     server.start()
-    assert server.starting
+    first = pid_of(server)
     with make_child("stages", fork_server=server) as child:
         assert child.call("read", directory, wall_s=60) == {}
-        wait_until(lambda: not server.starting)  # another thread is notified of the start
-        process, first = psutil.Process(child.pid), pid_of(server)
+        assert pid_of(server) == first
+        process = psutil.Process(child.pid)
         os.kill(first, signal.SIGKILL)
         assert not psutil.wait_procs([process], timeout=TIMEOUT_S)[1]
         with refused(LOST, kind=ChildError):
@@ -136,101 +133,29 @@ def test_reason_why_a_fork_server_cannot_start_is_logged(
     assert "foldback.planner.pipeline.stages" in capfd.readouterr().err
 
 
-def test_progress_of_compiling_is_passed_on(tmp_path: Path, directory: Path) -> None:
-    server = make_server(
-        tmp_path / "code",
-        "import time\n"
-        "from pathlib import Path\n"
-        "def warm_up(tell, soon, directory):\n"
-        "    tell(Progress(stage='read', fraction=0.25, message=COMPILING))\n"
-        f"    while not Path({str(tmp_path / '0.25')!r}).exists(): time.sleep(0.01)\n"
-        "    tell(Progress(stage='read', fraction=0.5, message=COMPILING))\n"
-        f"    while not Path({str(tmp_path / '0.5')!r}).exists(): time.sleep(0.01)\n"
-        "warming.warm_up = warm_up\n",
-        warm=True,
-    )
-    events: list[tuple[str, float]] = []
-
-    def tell(event: dict[str, Any]) -> None:
-        events.append((event["message"], event["fraction"]))
-        (tmp_path / str(event["fraction"])).touch()
-
-    with closing(server), make_child("stages", fork_server=server) as child:
-        child.call("read", directory, wall_s=60, on_progress=tell)
-    assert events[:2] == [(COMPILING, 0.25), (COMPILING, 0.5)]
-
-
-LATE = """
-import os, subprocess
-from foldback.planner.compilation import compiling
-finding.warm_up_paths = lambda: os.mkdir({place!r})
-reading.check = lambda _: {whole}
-compiling.Compiling.has_reported = property(lambda self: True, lambda self, value: None)
-def beside(part, directory):
-    return subprocess.Popen(["sleep", "600" if part == "paths" else "0"])
-compiling.beside = beside
-"""
-
-
-def test_previews_wait_for_their_kernels_and_paths_do_not(tmp_path: Path, directory: Path) -> None:
-    """A confined process cannot store kernels, so that each preview would compile again."""
-    loaded = tmp_path / "loaded"
-    environment = without_libraries(tmp_path, LATE.format(place=str(loaded), whole=RESULT))
-    kinds: tuple[Kind, ...] = ("reader", "preparer")
-    with closing(ForkServer(kinds, warm=True, environment=environment)) as server:
-        with make_child("reader", fork_server=server) as child:
-            assert child.call("check", directory, wall_s=60) == RESULT
-        with make_child("preparer", fork_server=server) as child:
-            result = child.call("check", directory, wall_s=60, cancelled=lambda: True)
-            assert result["status"] == "cancelled"
-            assert not loaded.exists()
-            compiling = psutil.Process(pid_of(server)).children()
-            next(
-                compiler for compiler in compiling if compiler.cmdline() == ["sleep", "600"]
-            ).kill()
-            assert child.call("check", directory, wall_s=60) == RESULT
-        assert loaded.exists()
-
-
 PARENT = """
 import sys, time
 from pathlib import Path
 from foldback.server.processes.children import Child
 from foldback.server.processes.fork_server import ForkServer
 from foldback.server.processes.limits import ChildLimits
-warm = sys.argv[3] == "compiling"
-server = ForkServer(["stages"], warm=warm, environment={"PYTHONPATH": sys.argv[2]})
-server.start()
-if warm:
-    print(server.pid, flush=True)
-else:
-    limits = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
-    child = Child("stages", limits, fork_server=server)
-    child.call("read", Path(sys.argv[1]), wall_s=60)
-    print(child.pid, server.pid, flush=True)
+server = ForkServer(["stages"], environment={"PYTHONPATH": sys.argv[2]})
+child = Child("stages", ChildLimits(memory_bytes=2**30, cpu_s=60.0), fork_server=server)
+child.call("read", Path(sys.argv[1]), wall_s=60)
+print(child.pid, server.pid, flush=True)
 time.sleep(600)
 """
-COMPILE = """
-def warm_up(tell, soon, directory):
-    while True:
-        pass
-warming.warm_up = warm_up
-"""
 
 
-@pytest.mark.parametrize("busy", ["forking", "compiling"])
-def test_fork_server_that_compiles_ends_when_its_parent_is_killed(
-    tmp_path: Path, directory: Path, busy: str
+def test_fork_server_and_children_end_when_its_parent_is_killed(
+    tmp_path: Path, directory: Path
 ) -> None:
-    """One case has a server with forked children, which must end as well."""
-    search = without_libraries(tmp_path, COMPILE if busy == "compiling" else "")["PYTHONPATH"]
+    search = without_libraries(tmp_path)["PYTHONPATH"]
     with subprocess.Popen(
-        [sys.executable, "-c", PARENT, str(directory), search, busy],
-        stdout=subprocess.PIPE,
-        text=True,
+        [sys.executable, "-c", PARENT, str(directory), search], stdout=subprocess.PIPE, text=True
     ) as parent:
         children = [psutil.Process(int(pid)) for pid in parent.stdout.readline().split()]
-        assert len(children) == (1 if busy == "compiling" else 2)
+        assert len(children) == 2
         parent.kill()
     alive = psutil.wait_procs(children, timeout=TIMEOUT_S)[1]
     for process in alive:

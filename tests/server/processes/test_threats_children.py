@@ -27,7 +27,7 @@ from foldback.server.settings import Settings
 from foldback.web.movies.movie import Movie
 from tests.server.processes.test_children import WITHOUT_LIBRARIES, make_child, run_first
 
-LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
+LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0)
 ATTACK = """
 import json, os, resource, socket, threading
 from pathlib import Path
@@ -108,6 +108,7 @@ sandbox.confine(sandbox.Allowed(writable=(Path(sys.argv[1]),)))
 """
 FORKED = f"""{WITHOUT_LIBRARIES}
 reading.check = retiming.retime = attack
+stand_in("foldback.server.processes.picture_task", draw=attack)
 staging.run_stage = lambda task, place, **_: attack(place)
 """
 SPAWNED = f"""{WITHOUT_LIBRARIES}
@@ -119,14 +120,9 @@ def film(line, movie, out, **_):
 stand_in("foldback.web.movies.renderer", NoGLError=OSError)
 stand_in("foldback.web.movies.make_movie", make_movie=film)
 """
-DRAWN = f"""{WITHOUT_LIBRARIES}
-stand_in("foldback.server.processes.picture_task", "warm_up", draw=attack)
-"""
 """Code that replaces the first reading of untrusted data, for each kind."""
-FORKED_KINDS: tuple[Kind, ...] = ("reader", "preparer", "retimer")
+FORKED_KINDS: tuple[Kind, ...] = ("reader", "preparer", "retimer", "pictures")
 """Forked kinds that run one task after the other, for many visitors."""
-SPAWNED_KINDS: dict[Kind, str] = {"movies": SPAWNED, "pictures": DRAWN}
-"""Kinds that are started directly, with the code that replaces their work."""
 needs_landlock = pytest.mark.skipif(not landlock.version(), reason="a kernel without Landlock")
 
 
@@ -181,7 +177,7 @@ def forks(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
         FORKED,
     )
     kinds = [*FORKED_KINDS, "stages"]
-    with closing(ForkServer(kinds, warm=False, environment=environment)) as server:
+    with closing(ForkServer(kinds, environment=environment)) as server:
         yield server
 
 
@@ -189,10 +185,8 @@ def run_attack(
     kind: Kind, tmp_path: Path, targets: dict[str, Any], forks: ForkServer | None
 ) -> dict[str, Any]:
     """Return the results of the attack in a child of a kind, forked or started directly."""
-    begins = SPAWNED_KINDS.get(kind, "")
-    environment = (
-        {} if forks else attack_env(tmp_path / "code", "foldback.server.processes.child", begins)
-    )
+    code = tmp_path / "code"
+    environment = {} if forks else attack_env(code, "foldback.server.processes.child", SPAWNED)
     settings = Settings(data_dir=tmp_path / "data")
     place = {
         "stages": settings.folds_dir / "mine",
@@ -206,7 +200,7 @@ def run_attack(
     (place / "aim.json").write_text(json.dumps(targets))
     timeline = settings.folds_dir / "filmed" / "timeline.zarr"
     ask_for_movie(place, asdict(Movie()), timeline, "movie", on_table=False)
-    count = kind in (*FORKED_KINDS, "pictures")
+    count = kind in FORKED_KINDS
     limits = replace(ChildLimits.of(settings, awaited=count), niceness=0)
     if kind in ("retimer", "pictures"):
         limits = replace(limits, folders=(str(settings.motions_dir),))
@@ -218,11 +212,11 @@ def run_attack(
 
 @pytest.mark.processes
 @needs_landlock
-@pytest.mark.parametrize("kind", ["reader", "preparer", "retimer", "stages", *SPAWNED_KINDS])
+@pytest.mark.parametrize("kind", [*FORKED_KINDS, "stages", "movies"])
 def test_hijacked_process_reaches_nothing(
     kind: Kind, tmp_path: Path, targets: dict[str, Any], forks: ForkServer
 ) -> None:
-    attack = run_attack(kind, tmp_path, targets, None if kind in SPAWNED_KINDS else forks)
+    attack = run_attack(kind, tmp_path, targets, None if kind == "movies" else forks)
     assert attack["own"] == attack["own limits"] == "done"
     refused = attack["refused"]
     # Movies need an encoder, but no program can do more than the process that starts it.
@@ -232,7 +226,7 @@ def test_hijacked_process_reaches_nothing(
     assert set(refused.values()) == {"PermissionError"}, refused
     # Only the pipe to the parent is open and, in some kinds, the reader of one upload or plan. No
     # other reader was started before, as it would not be confined.
-    assert attack["threads"] == (3 if kind in (*FORKED_KINDS, "pictures") else 2)
+    assert attack["threads"] == (3 if kind in FORKED_KINDS else 2)
     assert "socket" not in attack["files"]
 
 

@@ -131,7 +131,7 @@ def test_outages_differ_from_errors(error: Exception, kind: type[ServiceError] |
 
 
 def test_environment_of_a_child_holds_no_secrets() -> None:
-    names = ("PATH", "HOME", "LC_ALL", "PYTHONPATH", "NUMBA_CACHE_DIR", "LD_LIBRARY_PATH")
+    names = ("PATH", "HOME", "LC_ALL", "PYTHONPATH", "LD_LIBRARY_PATH")
     environment = dict.fromkeys((*names, "MUJOCO_GL"), "/x")
     secrets = ("FOLDBACK_DATABASE_URL", "AWS_SECRET_ACCESS_KEY", "PGPASSWORD")
     secrets += ("AWS_SESSION_TOKEN", "SOME_API_KEY", "OTEL_EXPORTER_OTLP_HEADERS")
@@ -145,7 +145,7 @@ def test_child_has_limits_and_no_secrets(tmp_path: Path, monkeypatch: pytest.Mon
     limits_of_child = ChildLimits(memory_bytes=2**30, cpu_s=60.0)
     environment_of_tests = without_libraries(tmp_path)
     with make_child("stages", limits_of_child, environment=environment_of_tests) as child:
-        assert child._wait_ready(None, None)
+        assert child._wait_ready(None)
         limits = {
             name: resource.prlimit(child.pid, getattr(resource, f"RLIMIT_{name}"))
             for name in ("CPU", "CORE", "DATA", "FSIZE", "NOFILE")

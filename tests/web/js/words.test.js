@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { refusalWords } from "../../../web/static/js/lib/api.js";
 import { factsOf, verdictOf } from "../../../web/static/js/panels/owned_cards.js";
-import { compilationWords, remaining } from "../../../web/static/js/panels/compilation.js";
+import { remaining } from "../../../web/static/js/panels/overall_progress.js";
 import {
   duration,
   newtonMetres,
@@ -126,24 +126,12 @@ test("the judgement of a motor is a sentence", () => {
   );
 });
 
-test("while the share is unknown, the text does not mention a first start", () => {
-  assert.equal(
-    compilationWords({ fraction: 0, remaining_s: null }),
-    "Starting the folding software…",
-  );
-  assert.equal(
-    verdictOf({
-      status: "queued",
-      stage: null,
-      summary: {},
-      progress: { compilation: { fraction: 0.42, remaining_s: 25 } },
-    }).text,
-    "Compiling the folding software: 42 %",
-  );
-  assert.match(
-    compilationWords({ fraction: 0.42, remaining_s: 25 }),
-    /^First start: .*, 42 % done\. .* · about 25 s left$/,
-  );
+test("the card of a fold that waits or runs names its state", () => {
+  const texts = [
+    { status: "queued", stage: null, summary: {}, progress: {} },
+    { status: "running", stage: "explode", summary: {}, progress: { fraction: 0.429 } },
+  ].map((fold) => verdictOf(fold).text);
+  assert.deepEqual(texts, ["In the queue", "Unfolding 42 %"]);
 });
 
 test("the card of a fold says how much it is like its file", () => {

@@ -26,8 +26,6 @@ const SI_PREFIXES = { [-12]: "p", [-9]: "n", [-6]: "µ", [-3]: "m", 0: "", 3: "k
 const [MIN_POWER, MAX_POWER] = [-12, 3];
 const DIGITS = 2;
 const WHOLE_BELOW = 1e6;
-// Rounding of times that include compiling the kernels, so that they do not change every second.
-const COARSE_S = 10;
 
 // Return a quantity with an SI prefix: 34 µN·m, 0 rad, < 1 pN·m.
 /**
@@ -89,20 +87,6 @@ export function duration(value) {
   if (value < 90) return `about ${Math.max(1, Math.round(value))} s`;
   if (value < 5400) return `about ${Math.round(value / 60)} min`;
   return `about ${Math.round(value / 3600)} h`;
-}
-
-// Return the expected time of a fold that is requested now;
-// null while the time to compile the kernels is unknown.
-/**
- * @param {number} value of the fold alone, in seconds
- * @param {Api.CompilationBody | null} compilation
- */
-export function wholeTime(value, compilation) {
-  if (!compilation) return duration(value);
-  const remainingS = compilation.remaining_s;
-  return remainingS === null
-    ? null
-    : duration(COARSE_S * Math.ceil((value + remainingS) / COARSE_S));
 }
 
 /** @param {number} value */

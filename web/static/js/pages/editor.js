@@ -3,17 +3,7 @@ import { SIZES } from "../editor/painting.js";
 import { imported } from "../editor/shape_tools.js";
 import { Editor, MIN_MODULES } from "../editor/state.js";
 import { Sheet, all, exact, say, showControls } from "../editor/view.js";
-import {
-  at,
-  duration,
-  element,
-  get,
-  later,
-  save,
-  integerText,
-  wholeTime,
-  wordsOf,
-} from "../lib/text.js";
+import { at, duration, element, get, later, save, integerText, wordsOf } from "../lib/text.js";
 
 /** @typedef {import("../editor/state.js").Tool} Tool */
 /** @typedef {0 | 1 | 2} Axis */
@@ -92,13 +82,11 @@ function check(ready) {
   timer = setTimeout(async () => {
     const words = await exchanging(({ report, pathFile }) =>
       report({ file: pathFile(editor.name, state), full: false }).then(
-        ({ knot, expected_s: s, compilation }) =>
+        ({ knot, expected_s: s }) =>
           knot?.verdict === "knotted"
             ? { text: "The path is knotted, so the chain cannot be pulled straight.", tone: "bad" }
             : {
-                text: `Computing the fold takes ${
-                  wholeTime(s, compilation) ?? `${duration(s)}, once the folding software is ready`
-                }.`,
+                text: `Computing the fold takes ${duration(s)}.`,
                 tone: "",
               },
         (error) => ({ text: wordsOf(error), tone: "bad" }),

@@ -131,8 +131,6 @@ function offer(file) {
   };
 }
 
-if (!get("compilation").hidden)
-  import("../panels/compilation.js").then(({ followCompilation }) => followCompilation());
 follow(get("preset"));
 drop.addEventListener("submit", (event) => event.preventDefault());
 get("file").addEventListener("change", () => {

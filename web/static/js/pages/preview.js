@@ -269,11 +269,3 @@ addEventListener("pageshow", (event) => {
 showOptions(preview);
 if (preview.settable) fill(get(`${preview.settable}-settings`), facts.options.settings ?? "");
 look();
-if (!get("compilation").hidden) {
-  import("../panels/compilation.js").then(({ followCompilation }) =>
-    followCompilation((compilation) => {
-      preview.compilation = compilation;
-      showOptions(preview);
-    }),
-  );
-}

@@ -8,15 +8,12 @@ const ICON = at("/static/icon.svg");
 
 // Return the title of the tab while a fold runs. The percentage of each stage starts at 0.
 /**
- * @param {Pick<Api.Progress, "status" | "compilation">} now
+ * @param {string} status
  * @param {string} name
  * @param {Pick<import("./overall_progress.js").OverallProgress, "label">} advance
  */
-export function titleOf({ status, compilation }, name, advance) {
-  const waiting = status === "queued" ? "Waiting" : advance.label();
-  const share = compilation ? `Compiling ${Math.floor(100 * compilation.fraction)} %` : waiting;
-  return `${share} · ${name} · foldback`;
-}
+export const titleOf = (status, name, advance) =>
+  `${status === "queued" ? "Waiting" : advance.label()} · ${name} · foldback`;
 
 // Return the title of the tab and of the notification after the fold.
 /** @param {Pick<Facts, "name" | "verdict">} facts */

@@ -1,8 +1,9 @@
 // Overall progress of a fold, combined over attempts
 // and robots so that it never decreases within a stage.
-import { STAGES } from "../lib/text.js";
+import { STAGES, duration } from "../lib/text.js";
 
 const SMOOTHING = "smoothing"; // message of that state, defined in server/schemas.py
+const FEW_S = 5;
 const ORDER = Object.keys(STAGES);
 
 export class OverallProgress {
@@ -61,4 +62,17 @@ export function queueWords(place, running = 0) {
   if (place === 1 && running === 1) return "Next in line, after the running fold";
   if (place === 1 && running) return `Next in line, after one of the ${running} running folds`;
   return ahead ? `In the queue, behind ${ahead} other fold${ahead > 1 ? "s" : ""}` : "Next in line";
+}
+
+// Return the remaining time, as estimated by the service, as text.
+/**
+ * @param {number} value in seconds; 0 if it takes longer than usual
+ * @param {boolean} busy true if the computer has other work
+ */
+export function remaining(value, busy = false) {
+  if (value <= 0)
+    return busy ? "slow, because the computer is busy with other work" : "takes longer than usual";
+  return value < FEW_S
+    ? "a few seconds left"
+    : `${duration(value < 20 ? value : 5 * Math.round(value / 5))} left`;
 }

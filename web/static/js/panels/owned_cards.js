@@ -55,11 +55,6 @@ export function verdictOf({ status, stage, progress, summary }) {
     return { tone: "verified", text: sentence(certificate?.verdict ?? "verified") };
   if (status === "failed") return { tone: "failed", text: "Not verified" };
   if (status === "cancelled") return { tone: "off", text: "Cancelled" };
-  if (progress.compilation)
-    return {
-      tone: "running",
-      text: `Compiling the folding software: ${Math.floor(100 * progress.compilation.fraction)} %`,
-    };
   if (status === "queued") return { tone: "running", text: "In the queue" };
   return {
     tone: "running",

@@ -1,6 +1,6 @@
 // State of a preview page, without the page: the options,
 // their report, and the values derived from both.
-import { percent, sentence, integerText, wholeTime } from "../lib/text.js";
+import { duration, percent, sentence, integerText } from "../lib/text.js";
 
 /** Minimum number of modules that the service folds. */
 const MIN_MODULES = 8;
@@ -76,8 +76,6 @@ export class Preview {
     this.prefer = earlier.prefer ?? "computing";
     /** @type {Api.Preview | null} */
     this.report = null;
-    /** @type {Api.CompilationBody | null} */
-    this.compilation = null; // progress of compiling the kernels
     /** @type {{ module: number, cell: number[] | null } | null} */
     this.picked = null;
     /** @type {Api.TableOffer[]} versions of the shape that are known to fold on a table */
@@ -189,7 +187,6 @@ export class Preview {
     this.picked = null;
     this.offers = [];
     this.report = report;
-    this.compilation = report.compilation;
     if (report.not_started) this.options.start = null; // the report has another path
     if (report.kind === "mesh" && this.options.modules === null) this.bounded(report.modules);
   }
@@ -224,12 +221,10 @@ export class Preview {
   }
 
   get expected() {
-    const { report, preset, prefer, compilation } = this;
+    const { report, preset, prefer } = this;
     if (!report?.has_path) return "–";
     const usual = prefer === "computing" ? report.expected_s : report.expected_preferred_s;
-    return (
-      wholeTime(preset === "paper" ? report.expected_as_published_s : usual, compilation) ?? "–"
-    );
+    return duration(preset === "paper" ? report.expected_as_published_s : usual);
   }
 
   // Warning before a long chain is folded on a table.

@@ -1,14 +1,12 @@
 // Progress of a running fold: stage, percentage, steps per second, position in the queue.
 import { Refusal, ask, askUntil, tokenOf } from "../lib/api.js";
 import { awaitOutcome, titleOf } from "./outcome.js";
-import { OverallProgress, queueWords } from "./overall_progress.js";
-import { compilationWords, remaining, showCompilation } from "./compilation.js";
+import { OverallProgress, queueWords, remaining } from "./overall_progress.js";
 import { at, get, toast, integerText } from "../lib/text.js";
 
 const ASK_MS = 5000; // between two requests without an event stream
 const FORBIDDEN = 403;
 const CANCEL_MS = 10000;
-const READY = "getting ready";
 const NARROW = "(max-width: 640px)"; // on narrower screens the full text would need a second line
 const OVER = ["verified", "failed", "cancelled"];
 
@@ -77,29 +75,19 @@ export class Progress {
     const { advance } = this;
     if (now.status === "running") advance.note(now);
     get("cancel").hidden = !this.token;
-    const { compilation } = now;
     const name = get("name").textContent; // the owner may rename the fold meanwhile
-    const progress = { ...now, ...(now.status === "running" && { fraction: advance.fraction }) };
-    document.title = titleOf(progress, name, advance);
+    document.title = titleOf(now.status, name, advance);
     const queue = now.queue_position ?? 0;
     let text;
     const remainingWords =
       now.remaining_s == null ? "" : ` · ${remaining(now.remaining_s, now.busy)}`;
     if (this.cancelling) text = "Cancelling…";
-    else if (compilation)
-      text =
-        queue > 1
-          ? `${compilationWords(compilation)} · then this fold waits in the queue behind ` +
-            `${queue - 1} other fold${queue > 2 ? "s" : ""}`
-          : compilationWords(compilation);
     else if (now.status === "queued") {
       if (now.paused) text = now.message ?? "Paused";
       else text = queueWords(queue, now.running_before);
       if (now.wait_s != null) text += remainingWords;
       else if (queue > 0) text += " · the server computes no folds right now, so this fold waits";
-    } else if (now.message === READY || (now.stage === "read" && advance.fraction >= 1))
-      text = `Getting ready${remainingWords}`;
-    else if (advance.writing) text = advance.label();
+    } else if (advance.writing) text = advance.label();
     else {
       const parts = [`${advance.label()}${advance.words()}${remainingWords}`];
       if (now.steps) parts.push(`${integerText(now.steps)} steps`);
@@ -112,9 +100,8 @@ export class Progress {
     this.say(text);
     const bar = /** @type {HTMLElement} */ (get("progress").firstElementChild);
     const done = now.status === "queued" ? 0 : advance.fraction;
-    bar.style.transform = `scaleX(${compilation ? compilation.fraction : done})`;
+    bar.style.transform = `scaleX(${done})`;
     get("progress").classList.toggle("unmeasured", now.status === "running" && advance.writing);
-    showCompilation(compilation);
   }
 
   /** @param {string} text */
@@ -129,7 +116,6 @@ export class Progress {
     this.pollNoMore();
     get("progress").hidden = true;
     get("cancel").hidden = true;
-    showCompilation(null);
     const facts = await this.onDone();
     if (facts) this.announce(facts);
   }

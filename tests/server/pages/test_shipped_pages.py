@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 
-from foldback.server.pages import landing
 from foldback.server.submission.shipped_folds import SHIPPED_FOLDS_DIR
 from tests.run_python import run_python
 
@@ -26,7 +25,7 @@ with TestClient(app, base_url="http://127.0.0.1:8000") as client:
     assert context.store.fold(first).status == "verified" and not context.store.waiting()
     pages = ["/", "/gallery", "/shapes/new", "/paper", "/benchmarks", "/docs", "/my-folds"]
     pages += ["/privacy", "/featured/bundle", "/featured/batch", "/featured/picture.png"]
-    pages += ["/shapes/cat.svg", "/shapes/tetra-ring.svg", "/api/compilation"]
+    pages += ["/shapes/cat.svg", "/shapes/tetra-ring.svg"]
     for row in context.store.list_public():
         page, api = f"/folds/{row.id}", f"/api/folds/{row.id}"
         assert "Included with foldback, computed with version" in client.get(page).text
@@ -39,10 +38,6 @@ with TestClient(app, base_url="http://127.0.0.1:8000") as client:
         assert client.get(page).status_code == 200, page
     assert f'href="/folds/{first}"' in client.get("/").text
 """
-
-
-def test_files_of_the_landing_page_exist() -> None:
-    landing.warm_up()
 
 
 @pytest.mark.processes

@@ -1,1 +1,0 @@
-"""Compilation of kernels: numba's cache, what may compile, progress, and processor cores."""
