@@ -18,6 +18,7 @@ from bench.long_folds import long_folds
 from bench.machine import machine
 from bench.meshes import meshes
 from bench.mujoco_robot import mujoco_robot
+from bench.ode.comparison import ode
 from bench.page_speed import page_speed
 from bench.paths import paths
 from bench.peeling import peeling
@@ -98,6 +99,7 @@ SECTIONS = {
     "direct": direct,
     "paper": paper,
     "published": published,
+    "ode": ode,
 }
 
 

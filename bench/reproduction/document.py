@@ -38,6 +38,8 @@ def document(page: dict[str, Any]) -> str:
     ]
     for section in page["sections"]:
         parts += _section(section, page["head"])
+    ode = page["ode"]
+    parts += [f"## {ode['heading']}", *ode["words"], _figures(ode["head"], ode["rows"])]
     parts += [
         "## Values and their sources",
         "This table lists the numbers of `--preset paper`. Each number can be set by name, as in "
@@ -88,11 +90,14 @@ def _section(section: dict[str, Any], head: list[dict[str, str]]) -> list[str]:
         "\n".join(strips),
         "\n".join([*straight, *stills]),
         *_list(failed),
-        _markdown_rows(
-            ["<br>".join(filter(None, [column["name"], column["unit"]])) for column in head],
-            section["rows"],
-        ),
+        _figures(head, section["rows"]),
     ]
+
+
+def _figures(head: list[dict[str, str]], rows: list[list[str]]) -> str:
+    """Return a table whose columns have a name and a unit."""
+    columns = ["<br>".join(filter(None, [column["name"], column["unit"]])) for column in head]
+    return _markdown_rows(columns, rows)
 
 
 def _image(name: str, alt: str, width: int = STILL_WIDTH_PX) -> str:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from itertools import chain
 from typing import Any, Final
 
+from bench.ode.texts import page_section
 from bench.reproduction.experiments import (
     STATEMENTS,
     Experiment,
     Statement,
 )
+from bench.reproduction.number_text import figure, seconds, whole
 from bench.reproduction.runs import Phase, Run
 from foldback.planner.parameters.parameters import preset
 from foldback.planner.parameters.settings_text import SETTINGS, value_of
@@ -22,8 +23,6 @@ FORMAT: Final = "foldback-reproduction/1"
 """Format of the page's data."""
 NONE: Final = "–"
 """Text for a missing value."""
-THOUSANDS_SEPARATOR: Final = "\u202f"
-"""Narrow no-break space between thousands."""
 COLUMNS: Final = (
     "Fold",
     "Verdict",
@@ -65,12 +64,13 @@ SOURCES: Final = {
 }
 """Text for each source of a parameter."""
 GENERAL_DIFFERENCES: Final = (
-    "The paper's simulations ran on the Open Dynamics Engine; ours run on MuJoCo. Contacts, "
-    "friction, stops and motors are modelled differently.",
+    "The paper's simulations ran on the Open Dynamics Engine (ODE); apart from the comparison on "
+    "ODE, ours run on MuJoCo. Contacts, friction, stops and motors are modelled differently.",
     "We had neither the paper's program nor its recordings or video. Where the paper states no "
     "value, we chose one with which the paper's folds work. The table above marks the values that "
     "we chose.",
-    "The paper states no wall times, clearances or joint errors, so ours cannot be compared.",
+    "The paper states no wall times, clearances or joint errors. The comparison on ODE shows those "
+    "of our own program.",
 )
 """General differences from the paper."""
 
@@ -123,6 +123,7 @@ def told(runs: Mapping[str, Run], every: tuple[Experiment, ...]) -> dict[str, An
         "overview": [_overview(statement, every, runs) for statement in STATEMENTS],
         "head": [{"name": name, "unit": UNITS.get(name, "")} for name in COLUMNS],
         "sections": [_section(statement, every, runs) for statement in STATEMENTS],
+        "ode": page_section(),
         "settings": _settings(),
         "differences": [*_differences(every, runs), *GENERAL_DIFFERENCES],
     }
@@ -419,25 +420,3 @@ def _value(value: float | None, unit: str) -> str:
     if unit == "°":
         return f"{figure(value)}°"
     return f"{figure(value)} {'step' if (value, unit) == (1, 'steps') else unit}".strip()
-
-
-def whole(number: int) -> str:
-    """Return a number with narrow spaces between thousands, which do not break lines."""
-    return f"{number:,}".replace(",", THOUSANDS_SEPARATOR)
-
-
-def seconds(value: float) -> str:
-    """Return a simulated time, s."""
-    return whole(round(value)) if value >= 100.0 else f"{value:.1f}"
-
-
-def figure(value: float) -> str:
-    """Return a number with two significant digits; rounding errors count as 0."""
-    size = abs(value)
-    if size < 1e-9:
-        return "0"
-    if size >= 100.0:
-        return whole(round(value)).replace("-", "−")
-    digits = max(0, 1 - math.floor(math.log10(size)))
-    text = f"{value:.{digits}f}"
-    return (text.rstrip("0").rstrip(".") if "." in text else text).replace("-", "−")

@@ -12,7 +12,8 @@ from bench.reproduction.__main__ import DOCUMENT, PAPER
 from bench.reproduction.different import CHOSEN_SHAPES, different_shapes, measured
 from bench.reproduction.document import document
 from bench.reproduction.experiments import STATEMENTS, Experiment, experiments
-from bench.reproduction.page_text import figure, told
+from bench.reproduction.number_text import figure
+from bench.reproduction.page_text import told
 from bench.reproduction.reproduce import reproduce, tell
 from bench.reproduction.runs import stored_runs
 from foldback.planner.chain.path import Path as CellPath
