@@ -5,7 +5,7 @@
 // h = max v·d − c, over its corners v in the joint's frame, with c the distance of the face. The
 // overlap is at most h. Between two frames the hinges turn evenly, by Δq: every v·d then stays
 // within |v| (Σ|Δq|)²/8 of linear interpolation, and h is at most the larger one of both ends plus
-// as much.
+// as much. h changes by at most max |v| a radian, so that most joints need no look at most frames.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -18,6 +18,7 @@ namespace foldback {
 namespace {
 
 constexpr double INFINITE = std::numeric_limits<double>::infinity();
+constexpr double MAX_ROUNDING = 1e-12;  // of a computed h, in pitches
 
 // A joint and the two hulls that it links.
 struct Link {
@@ -68,7 +69,9 @@ class LinkedOverlap {
         solid_(link.hull, link.size),
         here_(link.joint.hinges()),
         there_(here_.size()),
-        halfway_(here_.size()) {
+        halfway_(here_.size()),
+        last_(windows.folded.size()),
+        last_extension_(windows.folded.size() / link.joint.hinges(), INFINITE) {
     for (Index v = 0; v < link.hull.vertices.size(); ++v) {
       corners_.push_back(scaled(load(link.hull.vertices[v].data()), link.size) -
                          load(link.joint.anchor.data()));
@@ -90,17 +93,23 @@ class LinkedOverlap {
 
  private:
   void look_at(Index joint, Index frame, Index to) {
-    double turned = 0.0;
+    double turned = 0.0, away = 0.0;
+    double *last = &last_[joint * static_cast<Index>(here_.size())];
     for (std::size_t a = 0; a < here_.size(); ++a) {
       Index hinge = joint * static_cast<Index>(here_.size()) + static_cast<Index>(a);
       here_[a] = windows_.angle(frame, hinge);
       there_[a] = windows_.angle(to, hinge);
       halfway_[a] = 0.5 * (here_[a] + there_[a]);
       turned += std::abs(there_[a] - here_[a]);
+      away += std::max(std::abs(here_[a] - last[a]), std::abs(there_[a] - last[a]));
     }
+    const double curvature = longest_ * (turned * turned) / 8.0;
+    const double at_most = last_extension_[joint] + longest_ * away + MAX_ROUNDING;
+    if (at_most <= deepest_.depth && at_most + curvature <= deepest_.bound) return;
     double begins = extension(here_), ends = extension(there_);
-    deepest_.bound =
-        std::max(deepest_.bound, std::max(begins, ends) + longest_ * (turned * turned) / 8.0);
+    deepest_.bound = std::max(deepest_.bound, std::max(begins, ends) + curvature);
+    last_extension_[joint] = ends;
+    std::copy(there_.begin(), there_.end(), last);
     if (begins > deepest_.depth) compare(here_, joint, static_cast<double>(frame));
     if (to > frame && extension(halfway_) > deepest_.depth)
       compare(halfway_, joint, static_cast<double>(frame) + 0.5);
@@ -149,6 +158,8 @@ class LinkedOverlap {
   std::vector<double> here_, there_, halfway_;  // angles of a joint
   std::vector<Vector<double>> corners_;         // v
   double longest_ = 0.0;                        // of |v|
+  std::vector<double> last_;            // angles of all hinges when h of their joint was computed
+  std::vector<double> last_extension_;  // h of each joint at those angles
   Overlap deepest_;
 };
 

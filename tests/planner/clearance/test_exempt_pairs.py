@@ -46,6 +46,18 @@ def test_worst_overlap_of_windows_and_frames_is_the_same() -> None:
     assert windows.worst_overlap_at == exempt_at_rest.worst_overlap_at
 
 
+def test_worst_overlap_of_a_motion_is_that_of_its_worst_interval() -> None:
+    # An interval by itself has no earlier frame from which a look could be skipped.
+    random = np.random.default_rng(3)
+    chain = line(12)
+    angles = np.cumsum(random.normal(0.0, 0.05, (200, len(chain.folded_rad))), axis=0)
+    angles = np.clip(angles, -np.pi / 2, np.pi / 2)
+    whole = exempt_pairs(chain, [angles], module_size=0.95)
+    intervals = [exempt_pairs(chain, [angles[k : k + 2]], module_size=0.95) for k in range(199)]
+    assert whole.worst_overlap == max(at.worst_overlap for at in intervals) > 0.0
+    assert whole.worst_overlap_bound == max(at.worst_overlap_bound for at in intervals)
+
+
 def test_tetrahedra_have_no_exempt_pairs() -> None:
     chain = Chain.from_angles(TETRAHEDRON, np.zeros(4))
     exempt = exempt_pairs(chain, [np.zeros((2, 4))], module_size=0.95)
