@@ -79,11 +79,10 @@ def exempt_pairs(
         motion = as_motion(motion)
         overlap = deepest_overlap(
             _link(module, module_size),
-            chain.folded_rad.copy(),
-            motion.first.astype(np.int64),
-            motion.offsets.astype(np.int64),
-            # A copy: a read-only array would be another type, for which all is compiled anew.
-            motion.angles_rad.astype(np.float64),
+            chain.folded_rad,
+            np.ascontiguousarray(motion.first, dtype=np.int64),
+            np.ascontiguousarray(motion.offsets, dtype=np.int64),
+            np.ascontiguousarray(motion.angles_rad, dtype=np.float64),
         )
         bound = max(bound, overlap.bound)
         if overlap.depth > depth:

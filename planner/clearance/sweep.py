@@ -191,8 +191,7 @@ def _swept(chain: Chain, motion: Motion, query: _Query, cancelled: Cancelled) ->
     def part(start: int) -> SweepResult:
         stop = min(start + query.frames_per_task, frames)
         begins, ends = int(offsets[start]), int(offsets[min(stop + 1, frames)])
-        # A copy: a read-only array would be another type, for which all is compiled anew.
-        values = motion.angles_rad[begins:ends].astype(np.float64)
+        values = np.ascontiguousarray(motion.angles_rad[begins:ends], dtype=np.float64)
         angles = Angles(first=first, offsets=offsets, shift=begins, values=values)
         return sweep_frames(shape, angles, start, stop, enough, rigid, per_frame, query.share)
 

@@ -101,8 +101,7 @@ def sample(
     inside = np.zeros(tuple(shape), dtype=np.bool_)
     crossed = 0.0
     marks = np.zeros(tuple(shape), dtype=np.int16)
-    faces = solid.faces.copy()  # if it is read-only: another type, for which all is compiled anew
-    mark_crossings(x, y, z, faces, marks)
+    mark_crossings(x, y, z, solid.faces, marks)
     if solid.oriented:
         twice = fill_by_winding(marks, inside)
         crossed = twice / max(1, int(np.count_nonzero(inside)))
@@ -111,7 +110,7 @@ def sample(
         vote_by_parity(marks, votes)
         for u, v, w, order in ((y, z, x, (1, 2, 0)), (z, x, y, (2, 0, 1))):
             marks = np.zeros(tuple(shape[list(order)]), dtype=np.int16)
-            mark_crossings(u, v, w, faces, marks)
+            mark_crossings(u, v, w, solid.faces, marks)
             axis_votes = np.zeros(marks.shape, dtype=np.int8)
             vote_by_parity(marks, axis_votes)
             votes += axis_votes.transpose(np.argsort(order))

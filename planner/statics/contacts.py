@@ -87,9 +87,8 @@ def contacts(
     """
     less = (1.0 - module_size) * module.inner_radius
     points = contact_points(
-        # Copies: a read-only array would be another type, for which all is compiled anew.
-        np.array(positions, dtype=np.float64),
-        np.array(rotations, dtype=np.float64),
+        np.ascontiguousarray(positions, dtype=np.float64),
+        np.ascontiguousarray(rotations, dtype=np.float64),
         solid_of(module, float(module_size)),
         module.apart,
         floor_gap + less,
