@@ -165,7 +165,7 @@ class Context(Viewing):
             raise TooMany(
                 "too-many-lists",
                 "got too many requests for lists from your address; try again in "
-                f"{ceil(wait_s)} s.",
+                "{retry_after_s} s.",
                 retry_after_s=ceil(wait_s),
             )
 

@@ -33,24 +33,32 @@ class ServiceError(Exception):
         values: Plain JSON values that the detail names; parts of an input count from 0.
         message: The detail for people, with its place.
         retry_after_s: Time after which another attempt may succeed, in s; None if it would not.
+
+    Args:
+        code, where, message, retry_after_s: See above.
+        template: The detail; if there are values, it names them in braces, as in ``str.format``,
+            and may name ``retry_after_s``, too.
+        values: Values that the template names.
     """
 
     def __init__(
         self,
         code: str,
-        detail: str,
+        template: str,
         *,
         where: str | None = None,
-        values: Mapping[str, Any] | None = None,
         message: str | None = None,
         retry_after_s: int | None = None,
+        **values: Any,
     ) -> None:
-        super().__init__(detail)
+        if "{retry_after_s}" in template:
+            values["retry_after_s"] = retry_after_s
         self.code = code
-        self.detail = detail
+        self.detail = template.format(**values) if values else template
+        super().__init__(self.detail)
         self.where = where
-        self.values = values or {}
-        self.message = message or located(detail, where)
+        self.values: Mapping[str, Any] = values
+        self.message = message or located(self.detail, where)
         self.retry_after_s = retry_after_s
 
 
@@ -64,13 +72,9 @@ class Unusable(ServiceError):
     @classmethod
     def of(cls, error: InputError) -> Self:
         """Return the error for an input that the planner refuses."""
-        return cls(
-            error.code,
-            error.detail,
-            where=error.where,
-            values=error.values,
-            message=error.message,
-        )
+        unusable = cls(error.code, error.detail, where=error.where, message=error.message)
+        unusable.values = error.values
+        return unusable
 
 
 class TooLarge(ServiceError):
@@ -141,12 +145,13 @@ def not_stored(subject: str, error: OSError) -> NoRoom:
     """Return the error for something that could not be written."""
     if error.errno in READ_ONLY_ERRORS:
         return read_only()
-    return no_room(f"The {subject} could not be stored ({error.strerror}); try again later.")
+    template = f"The {subject} could not be stored ({{reason}}); try again later."
+    return no_room(template, reason=error.strerror)
 
 
-def no_room(detail: str) -> NoRoom:
+def no_room(template: str, **values: Any) -> NoRoom:
     """Return the error for a disk that is full or nearly full."""
-    return NoRoom("no-room", detail, retry_after_s=FULL_DISK_RETRY_S)
+    return NoRoom("no-room", template, retry_after_s=FULL_DISK_RETRY_S, **values)
 
 
 def refusal_of(error: ServiceError | InputError | DamagedError) -> ServiceError:

@@ -195,8 +195,9 @@ def patch_fold(
     if name == "":
         raise Unusable(
             "empty-name",
-            f"got a name without printable characters, expected 1 to {MAX_FOLD_NAME} characters.",
+            "got a name without printable characters, expected 1 to {max_chars} characters.",
             where="name",
+            max_chars=MAX_FOLD_NAME,
         )
     heir = None if changes.owner_token is None else Owner.from_token(changes.owner_token)
     if not change_fold(store, row.id, owner, name=name, heir=heir):

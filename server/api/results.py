@@ -68,8 +68,11 @@ async def get_frames(
     if start > end:
         raise Unusable(
             "no-such-frames",
-            f"got frames {start} to {end}, expected a range within the fold's {total} frames.",
+            "got frames {start} to {end}, expected a range within the fold's {frames} frames.",
             where="query.from",
+            start=start,
+            end=end,
+            frames=total,
         )
     numbers = 2 * len(timeline.chain.joint_names) + (7 * len(timeline.chain) if poses else 0)
     settings = context.settings

@@ -127,9 +127,11 @@ async def get_trajectory(
     if numbers > MAX_TRAJECTORY_NUMBERS:
         raise TooLarge(
             "too-large",
-            f"got a trajectory of {numbers:.3g} numbers, expected at most "
-            f"{MAX_TRAJECTORY_NUMBERS:.3g}; lower the rate, or use `foldback retime`.",
+            "got a trajectory of {numbers:.3g} numbers, expected at most {limit:.3g}; lower the "
+            "rate, or use `foldback retime`.",
             where="query.rate",
+            numbers=numbers,
+            limit=MAX_TRAJECTORY_NUMBERS,
         )
     clear = None
     if retimed.verified:
@@ -216,8 +218,9 @@ async def get_motors(
     if row.modules > MAX_MOTOR_MODULES:
         raise TooLarge(
             "too-large",
-            f"got {row.modules} modules, expected at most {MAX_MOTOR_MODULES}; use "
-            "`foldback retime`.",
+            "got {count} modules, expected at most {limit}; use `foldback retime`.",
+            count=row.modules,
+            limit=MAX_MOTOR_MODULES,
         )
     data = await context.trajectories.motors(timing, motors, address_of(request))
     csv = motors.form == "csv"
@@ -377,7 +380,9 @@ class _TargetStream:
                 pace.behind = self._number - self._answered >= self._ahead
             pace.advance(now)
             if now - self._heard > STREAM_TIMEOUT_S:
-                raise TooSlow("gone", f"No message arrived for {STREAM_TIMEOUT_S:g} s.")
+                raise TooSlow(
+                    "gone", "No message arrived for {limit_s:g} s.", limit_s=STREAM_TIMEOUT_S
+                )
             reason = pace.waiting(now)
             if reason != last_reason:
                 last_reason = reason
@@ -431,10 +436,14 @@ class _TargetStream:
             window, count = second, (count + 1 if second == window else 1)
             if count > MAX_MESSAGES_PER_SECOND:
                 raise TooMany(
-                    "too-fast", f"Got more than {MAX_MESSAGES_PER_SECOND} messages per second."
+                    "too-fast",
+                    "Got more than {limit} messages per second.",
+                    limit=MAX_MESSAGES_PER_SECOND,
                 )
             if len(data) > 4096 + 32 * joints:
-                raise TooLarge("too-large", f"A message of {len(data)} bytes is too large.")
+                raise TooLarge(
+                    "too-large", "A message of {bytes} bytes is too large.", bytes=len(data)
+                )
             try:
                 message = DECODER.decode(data)
                 self._heard = self._clock()
@@ -466,7 +475,10 @@ class _TargetStream:
         joints = len(self._trajectory.joint_names)
         if len(measured) != joints:
             raise InputError(
-                "bad-report", f"got {len(measured)} angles, expected {joints}, one for each joint"
+                "bad-report",
+                "got {count} angles, expected {joints}, one for each joint",
+                count=len(measured),
+                joints=joints,
             )
         number = self._number if isinstance(report.number, msgspec.UnsetType) else report.number
         target_angles = next((angles for n, angles in self._sent if n >= number), self._sent[-1][1])
@@ -482,7 +494,9 @@ class _TargetStream:
             async with asyncio.timeout(STREAM_TIMEOUT_S):
                 await self._websocket.send_text(ENCODER.encode(message).decode())
         except TimeoutError:
-            raise TooSlow("gone", f"The client read nothing for {STREAM_TIMEOUT_S:g} s.") from None
+            raise TooSlow(
+                "gone", "The client read nothing for {limit_s:g} s.", limit_s=STREAM_TIMEOUT_S
+            ) from None
 
 
 def _echoed(options: PlayOptions) -> dict[str, float]:

@@ -177,7 +177,9 @@ def bounded(options: PreviewRequest, max_modules: int) -> None:
     if options.modules is not None and options.modules > max_modules:
         raise Unusable(
             "too-many-modules",
-            f"got {options.modules} modules, expected at most {max_modules}.",
+            "got {count} modules, expected at most {limit}.",
+            count=options.modules,
+            limit=max_modules,
         )
     options.check()
 

@@ -48,15 +48,19 @@ def check_private(fold: FoldRow, denied: str) -> None:
 def not_there(row: FoldRow, part: str) -> NotFound | Conflict:
     """Return the problem that a fold does not have a file, or not yet."""
     if row.over:
-        reason = f" ({row.error['detail']})" if row.error else ""
+        reason = row.error.get("detail") if row.error else None
+        because = " ({reason})" if reason else ""
         return NotFound(
             "no-such-artifact",
-            f"This fold has ended with the status '{row.status}' and has no {part}{reason}.",
+            f"This fold has ended with the status '{{status}}' and has no {part}{because}.",
+            status=row.status,
+            reason=reason,
         )
     return Conflict(
         "not-ready",
-        f"The {part} does not exist yet: the fold is {row.status}. Try again later.",
+        f"The {part} does not exist yet: the fold is {{status}}. Try again later.",
         retry_after_s=1,
+        status=row.status,
     )
 
 
@@ -72,9 +76,10 @@ def frames_of_own(fold: ExistingFold, context: Here, owner: RequiredOwner) -> in
     if not fold.over:
         raise Conflict(
             "not-ready",
-            f"The fold is {fold.status}. A tour, or numbers for the modules, can be stored when "
-            "the fold has ended.",
+            "The fold is {status}. A tour, or numbers for the modules, can be stored when the fold "
+            "has ended.",
             retry_after_s=1,
+            status=fold.status,
         )
     frames = frames_promised(context.store.directory(fold.id))
     if not frames:

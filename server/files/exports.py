@@ -66,6 +66,8 @@ def _written(path: Path, export: Export) -> bytes:
             "too-large",
             f"got a plan of {megabytes(size)}, expected at most "
             f"{megabytes(MAX_EXPORTED_PLAN_BYTES)}; download {PLAN} and use `foldback export`.",
+            bytes=size,
+            max_bytes=MAX_EXPORTED_PLAN_BYTES,
         )
     try:
         return export.write(Plan.load(path))

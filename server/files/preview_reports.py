@@ -118,9 +118,10 @@ class PreviewReports:
         if self._previews.reports(preview_id, foreign=foreign) >= MAX_OPTION_SETS:
             raise TooMany(
                 "too-many-previews",
-                f"This file was previewed with {MAX_OPTION_SETS} different sets of options, the "
-                "maximum; send the file again to start a new preview.",
+                "This file was previewed with {limit} different sets of options, the maximum; send "
+                "the file again to start a new preview.",
                 retry_after_s=60,
+                limit=MAX_OPTION_SETS,
             )
         check_space(self._settings.previews_dir, self._settings.min_free_disk_bytes)
         request = {"filename": row.filename, **options.to_json()}
@@ -209,17 +210,22 @@ def cells_of_repair(place: Path) -> list[list[int]]:
 def _problem(error: ChildError, seconds: float, place: Path) -> ServiceError:
     if error.code != "time-limit":
         return not_read(error)
-    limit = f"longer than the time limit of {seconds:g} s"
+    code, too_long = "preview-too-slow", "took longer than the time limit of {limit_s:g} s"
     if not (place / READ_CONTENT).is_file():
-        return TooSlow("preview-too-slow", f"reading the file took {limit}; simplify the model.")
+        template = f"reading the file {too_long}; simplify the model."
+        return TooSlow(code, template, limit_s=seconds)
     triangles = json.loads((place / READ_CONTENT).read_text())["triangles"]
     if triangles > MANY_TRIANGLES:
         return TooSlow(
-            "preview-too-slow",
-            f"the preview took {limit}, because the mesh has {triangles} triangles; simplify the "
-            f"mesh to {MANY_TRIANGLES} triangles or fewer.",
+            code,
+            f"the preview {too_long}, because the mesh has {{triangles}} triangles; simplify the "
+            "mesh to {limit} triangles or fewer.",
+            limit_s=seconds,
+            triangles=triangles,
+            limit=MANY_TRIANGLES,
         )
     return TooSlow(
-        "preview-too-slow",
-        f"the preview took {limit}; use fewer modules, or the method 'blocks'.",
+        code,
+        f"the preview {too_long}; use fewer modules, or the method 'blocks'.",
+        limit_s=seconds,
     )

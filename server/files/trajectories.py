@@ -70,6 +70,8 @@ class TrajectoryRequest:
                 f"got a plan of {megabytes(stat.st_size)}, expected at most "
                 f"{megabytes(MAX_RETIMED_PLAN_BYTES)}; download plan.npz and "
                 "use `foldback retime`.",
+                bytes=stat.st_size,
+                max_bytes=MAX_RETIMED_PLAN_BYTES,
             )
         return cls(
             plan=plan,
@@ -225,13 +227,14 @@ class Trajectories:
         )
         if clearances["overlap"]:
             enough = clearances["sufficient_rate_hz"]
-            advice = f"use rate={enough:g}" if enough else "request a higher rate, or omit rate"
+            advice = "use rate={rate_hz:g}" if enough else "request a higher rate, or omit rate"
             raise Unusable(
                 "rows-overlap",
-                f"got a rate so low that modules overlap by {-clearances['min_clearance']:.2g} "
-                "pitch "
-                f"between two consecutive rows, expected no overlap; {advice}.",
+                "got a rate so low that modules overlap by {depth:.2g} pitch between two "
+                f"consecutive rows, expected no overlap; {advice}.",
                 where="query.rate",
+                depth=-clearances["min_clearance"],
+                rate_hz=enough,
             )
         return clearances["min_clearance"], clearances["clearance_bound"]
 

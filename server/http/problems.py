@@ -196,7 +196,7 @@ def of_trouble(error: BaseException | None) -> ServiceError | None:
     if isinstance(error, DBAPIError | PoolTimeoutError) and not fault:
         return Unavailable(
             "no-database",
-            f"The database does not answer; nothing was lost. Try again in {DATABASE_RETRY_S} s.",
+            "The database does not answer; nothing was lost. Try again in {retry_after_s} s.",
             retry_after_s=DATABASE_RETRY_S,
         )
     if isinstance(error, OSError) and error.errno == errno.EROFS:

@@ -43,7 +43,8 @@ class RequestRate(Guard):
             return None
         return TooMany(
             "too-many-requests",
-            f"got more than {self._rate:g} requests per second from your address; try again in "
-            f"{wait_s} s.",
+            "got more than {limit:g} requests per second from your address; try again in "
+            "{retry_after_s} s.",
             retry_after_s=wait_s,
+            limit=self._rate,
         )

@@ -100,8 +100,9 @@ class AllowedHosts(Guard):
             return None
         return Malformed(
             "unknown-host",
-            f"got the host {host[:100]!r}, expected a name of this service; its operator can add "
-            "names with FOLDBACK_ALLOWED_HOSTS.",
+            "got the host {host!r}, expected a name of this service; its operator can add names "
+            "with FOLDBACK_ALLOWED_HOSTS.",
+            host=host[:100],
         )
 
     def _allowed(self, host: str) -> bool:
@@ -124,8 +125,10 @@ class ShortPrintableAddresses(Guard):
         if len(scope["path"]) + len(query) > MAX_ADDRESS_BYTES or fields > MAX_QUERY_FIELDS:
             return Malformed(
                 "bad-address",
-                f"got an address that is too long, expected at most {MAX_ADDRESS_BYTES} bytes with "
-                f"{MAX_QUERY_FIELDS} fields; shorten it.",
+                "got an address that is too long, expected at most {max_bytes} bytes with "
+                "{max_fields} fields; shorten it.",
+                max_bytes=MAX_ADDRESS_BYTES,
+                max_fields=MAX_QUERY_FIELDS,
             )
         if scope["type"] == "http" and CONTROL_CHARACTERS.search(scope["path"] + _query(scope)):
             return Malformed(

@@ -89,8 +89,9 @@ class Movies:
         if not row.over:
             raise Conflict(
                 "not-ready",
-                f"the fold is {row.status}; movies can be created once it has finished.",
+                "the fold is {status}; movies can be created once it has finished.",
                 retry_after_s=MOVIE_RETRY_S,
+                status=row.status,
             )
         check(self._store.directory(fold_id), TIMELINE)
         if not (result_path(self._store.directory(fold_id), TIMELINE) / "zarr.json").is_file():
@@ -217,16 +218,18 @@ class Movies:
             if max_movies is not None and count >= max_movies:
                 raise TooMany(
                     "too-many-movies",
-                    f"{count} movies {holder} are being created, which is the limit; wait until "
+                    f"{{count}} movies {holder} are being created, which is the limit; wait until "
                     "one is finished, or delete one.",
                     retry_after_s=MOVIE_RETRY_S,
+                    count=count,
                 )
         if other_movies >= settings.movies_waiting:
             raise Unavailable(
                 "busy",
-                f"{other_movies} movies for other people are being created; try again in "
-                f"{MOVIE_RETRY_S} s.",
+                "{count} movies for other people are being created; try again in "
+                "{retry_after_s} s.",
                 retry_after_s=MOVIE_RETRY_S,
+                count=other_movies,
             )
         check_space(settings.root, settings.min_free_disk_bytes)
 

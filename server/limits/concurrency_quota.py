@@ -18,7 +18,7 @@ from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from enum import StrEnum
-from typing import Final
+from typing import Any, Final
 
 from foldback.server.errors import ServiceError, TooMany, Unavailable
 from foldback.server.limits.networks import networks_of
@@ -311,15 +311,17 @@ class Quota:
     def _too_many(self, count: int, holder: Holder) -> TooMany:
         return TooMany(
             f"too-many-{self._subject.replace(' ', '-')}",
-            f"{count} {self._subject} {holder} are active, which is the limit; end one, or try "
-            f"again in {OPEN_RETRY_S} s.",
+            f"{{count}} {self._subject} {holder} are active, which is the limit; end one, or try "
+            "again in {retry_after_s} s.",
             retry_after_s=OPEN_RETRY_S,
+            count=count,
         )
 
     def _too_busy(self, count: int, holder: Holder) -> ServiceError:
         if holder is Holder.ALL:
-            return _busy(Unavailable, f"{count} {self._subject} for other people are being created")
-        return _busy(TooMany, f"{count} {self._subject} {holder} are being created")
+            reason = f"{{count}} {self._subject} for other people are being created"
+            return _busy(Unavailable, reason, count=count)
+        return _busy(TooMany, f"{{count}} {self._subject} {holder} are being created", count=count)
 
 
 def network_share(total: int | None, per_visitor: int) -> int | None:
@@ -336,5 +338,6 @@ def _first_difference(first: tuple[str, ...], second: tuple[str, ...]) -> int | 
     return None
 
 
-def _busy(kind: type[ServiceError], reason: str) -> ServiceError:
-    return kind("busy", f"{reason}; try again in {BUSY_RETRY_S} s.", retry_after_s=BUSY_RETRY_S)
+def _busy(kind: type[ServiceError], reason: str, **values: Any) -> ServiceError:
+    template = f"{reason}; try again in {{retry_after_s}} s."
+    return kind("busy", template, retry_after_s=BUSY_RETRY_S, **values)

@@ -6,7 +6,7 @@ Each limit applies to the number of folds and to their expected computing time.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from foldback.server.errors import TooMany
 from foldback.server.limits.fair_queue import admits, network_of
@@ -39,16 +39,19 @@ def check_room(waiting: Sequence[Waiting], newcomer: Waiting, settings: Settings
     """
     own_costs_s = [fold.cost_s for fold in waiting if fold.visitor == newcomer.visitor]
     if len(own_costs_s) >= settings.largest_queue_of_visitor:
-        raise _full(f"{len(own_costs_s)} of your folds are waiting or running, which is the limit")
+        reason = "{count} of your folds are waiting or running, which is the limit"
+        raise _full(reason, count=len(own_costs_s))
     if (
         own_costs_s
         and sum(own_costs_s) + newcomer.cost_s > settings.largest_queue_seconds_of_visitor
     ):
         raise _full(
-            f"your waiting folds ({len(own_costs_s)}) take about {sum(own_costs_s):.0f} s, and "
-            "this fold takes "
-            f"{newcomer.cost_s:.0f} s. Together they may take at most "
-            f"{settings.largest_queue_seconds_of_visitor:g} s"
+            "your waiting folds ({count}) take about {waiting_s:.0f} s, and this fold takes "
+            "{fold_s:.0f} s. Together they may take at most {limit_s:g} s",
+            count=len(own_costs_s),
+            waiting_s=sum(own_costs_s),
+            fold_s=newcomer.cost_s,
+            limit_s=settings.largest_queue_seconds_of_visitor,
         )
     network = network_of(newcomer.visitor)
     near = [fold.cost_s for fold in waiting if network_of(fold.visitor) == network]
@@ -58,17 +61,19 @@ def check_room(waiting: Sequence[Waiting], newcomer: Waiting, settings: Settings
         and admits(sum(near), newcomer.cost_s, total=all_s, limit=settings.largest_queue_seconds)
     ):
         raise _full(
-            f"{len(waiting)} folds are waiting ({len(near)} of them from your network). They take "
-            f"about {all_s:.0f} s, and this fold takes {newcomer.cost_s:.0f} s. The queue holds "
-            f"at most {settings.largest_queue} folds, which may take "
-            f"{settings.largest_queue_seconds:g} s in total. One network may use at most half of "
-            "the places and of the time that other networks do not use"
+            "{count} folds are waiting ({near} of them from your network). They take about "
+            "{waiting_s:.0f} s, and this fold takes {fold_s:.0f} s. The queue holds at most "
+            "{limit} folds, which may take {limit_s:g} s in total. One network may use at most "
+            "half of the places and of the time that other networks do not use",
+            count=len(waiting),
+            near=len(near),
+            waiting_s=all_s,
+            fold_s=newcomer.cost_s,
+            limit=settings.largest_queue,
+            limit_s=settings.largest_queue_seconds,
         )
 
 
-def _full(reason: str) -> TooMany:
-    return TooMany(
-        "queue-full",
-        f"{reason}; try again in {QUEUE_RETRY_S} s.",
-        retry_after_s=QUEUE_RETRY_S,
-    )
+def _full(reason: str, **values: Any) -> TooMany:
+    template = f"{reason}; try again in {{retry_after_s}} s."
+    return TooMany("queue-full", template, retry_after_s=QUEUE_RETRY_S, **values)

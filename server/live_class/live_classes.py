@@ -94,10 +94,12 @@ class LiveClass:
             TooMany: If the class has ``MAX_FOLLOWERS`` followers.
         """
         if self.followers >= MAX_FOLLOWERS:
-            detail = (
-                f"{MAX_FOLLOWERS} people are in this class, which is the maximum; try again later."
+            raise TooMany(
+                "class-full",
+                "{followers} people are in this class, which is the maximum; try again later.",
+                retry_after_s=OPEN_RETRY_S,
+                followers=MAX_FOLLOWERS,
             )
-            raise TooMany("class-full", detail, retry_after_s=OPEN_RETRY_S)
         self.change(followers=self.followers + 1)
         try:
             yield

@@ -207,8 +207,9 @@ async def _finished(request: Request, fold_id: str) -> LocatedFold:
     if located.row.status in RUNNING_STATUSES or timeline is None or not len(timeline):
         raise Conflict(
             "not-ready",
-            f"There is nothing to download yet: the fold is {located.row.status}.",
+            "There is nothing to download yet: the fold is {status}.",
             retry_after_s=2,
+            status=located.row.status,
         )
     return located
 

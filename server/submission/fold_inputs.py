@@ -95,6 +95,7 @@ class Origin:
                 "file-or-shape",
                 f"got {' and '.join(set_names) or 'none'} of the form fields 'file', 'shape', "
                 "'preview', 'fold' and 'smooth', expected exactly one of them.",
+                fields=set_names,
             )
         if self.smooth is not None and self.refold is not None:
             raise Unusable(
@@ -182,8 +183,9 @@ def _opened(context: Context, origin: Origin) -> tuple[BinaryIO, str | None]:
     if gallery_shape is None:
         raise Unusable(
             "no-such-shape",
-            f"got the shape {quote(name)!r}, expected one of "
-            f"{context.gallery.nearest(name[:100])}; GET /api/shapes lists them.",
+            "got the shape {shape!r}, expected one of {nearest}; GET /api/shapes lists them.",
+            shape=quote(name),
+            nearest=context.gallery.nearest(name[:100]),
         )
     return BytesIO(gallery_shape.data), gallery_shape.filename
 

@@ -66,9 +66,11 @@ def finished_parent(context: Context, fold_id: str, use: Use) -> ParentFold:
     if not row.over:
         raise Conflict(
             f"{use}-not-ready",
-            f"{row.name} is still {row.status}, expected a finished fold; {use} it when it "
-            "has finished.",
+            f"{{name}} is still {{status}}, expected a finished fold; {use} it when it has "
+            "finished.",
             retry_after_s=5,
+            name=row.name,
+            status=row.status,
         )
     check(directory, *COPIED_FILES[use].values())
     files = {name: directory / source for name, source in COPIED_FILES[use].items()}
@@ -92,10 +94,7 @@ def _parent(use: Use, fold: str | None, row: FoldRow, files: dict[str, Path]) ->
         with open(plan, "rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
     except (OSError, ValueError) as error:
-        raise Unusable(
-            f"{use}-no-plan",
-            f"{name} has no plan; fold it again.",
-        ) from error
+        raise Unusable(f"{use}-no-plan", "{name} has no plan; fold it again.", name=name) from error
     return ParentFold(
         use=use,
         fold=fold,

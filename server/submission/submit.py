@@ -213,9 +213,12 @@ def _check_limits(cost: ExpectedCost, settings: Settings) -> None:
     if cost.least_s > limit_s:
         raise Unusable(
             "too-long",
-            f"got {cost.cause}, expected a fold whose stages take at most {limit_s:g} s each; this "
-            f"fold takes at least {cost.least_s:.0f} s for {STAGE_TEXTS[cost.stage]}. "
+            f"got {cost.cause}, expected a fold whose stages take at most {{limit_s:g}} s each; "
+            f"this fold takes at least {{least_s:.0f}} s for {STAGE_TEXTS[cost.stage]}. "
             f"{cost.remedy}",
+            limit_s=limit_s,
+            least_s=cost.least_s,
+            stage=cost.stage,
         )
 
 
@@ -254,8 +257,9 @@ def _read(context: Context, directory: Path, source: Source, visitor: str) -> di
     if modules > context.settings.max_modules:
         raise Unusable(
             "too-many-modules",
-            f"got a chain of {modules} modules, expected at most {context.settings.max_modules}; "
-            "use a coarser shape.",
+            "got a chain of {count} modules, expected at most {limit}; use a coarser shape.",
+            count=modules,
+            limit=context.settings.max_modules,
         )
     name = _title(context, source.shape) or str(check["name"])[:200]
     return {"name": name, "module": str(check["module"]), "modules": modules}

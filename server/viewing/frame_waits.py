@@ -111,7 +111,8 @@ def _refresh(timelines: Collection[TimelineView]) -> set[TimelineView]:
 def _too_many_waits(count: int, holder: Holder) -> TooMany:
     return TooMany(
         "too-many-waits",
-        f"{count} requests {holder} are waiting for frames, which is the limit; send this "
-        f"request without 'wait', or try again in {FRAME_RETRY_S} s.",
+        f"{{count}} requests {holder} are waiting for frames, which is the limit; send this "
+        "request without 'wait', or try again in {retry_after_s} s.",
         retry_after_s=FRAME_RETRY_S,
+        count=count,
     )
