@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "module_bindings.hpp"
 #include "pairs.hpp"
@@ -16,7 +15,6 @@ namespace {
 // centres. With less than the rounding error of a distance, the closest pair of modules could be
 // skipped.
 constexpr double DISTANCE_MARGIN = 1e-9;
-constexpr double INFINITE = std::numeric_limits<double>::infinity();
 
 // True if a hull is a box along its own axes, about its centre.
 bool is_box(const Hull &hull) {

@@ -14,7 +14,7 @@ namespace foldback {
 namespace {
 
 // A module, or the lump of an end, in the frame of module 0.
-struct Body {
+struct FloatingBody {
   double mass;
   Vector<double> position;      // centre of mass
   Symmetric<double> inertia;    // about the centre of mass
@@ -54,13 +54,13 @@ class FloatingTorques {
              View<double, 1> out) {
     propagate_velocities(q, qd);
     write_composite_inertia();
-    for (Body &body : bodies_) body.moment = body.inertia.times(body.omega);
-    cancel_momentum(&Body::velocity, &Body::omega);
+    for (FloatingBody &body : bodies_) body.moment = body.inertia.times(body.omega);
+    cancel_momentum(&FloatingBody::velocity, &FloatingBody::omega);
     propagate_accelerations(qd, qdd);
     write_moments();
     // Given accelerations and torques instead of velocities and angular momenta, so that the chain's
     // momentum does not change.
-    cancel_momentum(&Body::acceleration, &Body::alpha);
+    cancel_momentum(&FloatingBody::acceleration, &FloatingBody::alpha);
     write_moments();
     write_hinge_torques(out);
   }
@@ -73,7 +73,7 @@ class FloatingTorques {
     Matrix<double> rotation{{1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0}};
     Vector<double> position{}, velocity{}, omega{};
     for (Index i = 0; i < n_; ++i) {
-      Body &body = bodies_[i];
+      FloatingBody &body = bodies_[i];
       body.mass = 1.0;
       body.position = position;
       body.velocity = velocity;
@@ -100,8 +100,8 @@ class FloatingTorques {
     }
   }
 
-  void write_lump(int end, const Body &module, const Matrix<double> &rotation) {
-    Body &lump = bodies_[n_ + end];
+  void write_lump(int end, const FloatingBody &module, const Matrix<double> &rotation) {
+    FloatingBody &lump = bodies_[n_ + end];
     Vector<double> arm = rotate(rotation, lumps_.centres[end].data());
     lump.mass = lumps_.masses[end];
     lump.position = module.position + arm;
@@ -117,12 +117,12 @@ class FloatingTorques {
     const Index hinges = joint_.hinges();
     Vector<double> alpha{}, a{};
     for (Index i = 0; i < n_; ++i) {
-      Body &body = bodies_[i];
+      FloatingBody &body = bodies_[i];
       body.acceleration = a;
       body.alpha = alpha;
       for (int end = 0; end < 2; ++end)
         if (i == end * (n_ - 1)) {
-          Body &lump = bodies_[n_ + end];
+          FloatingBody &lump = bodies_[n_ + end];
           lump.acceleration = shifted(a, alpha, body.omega, lump.position - body.position);
           lump.alpha = alpha;
         }
@@ -144,12 +144,12 @@ class FloatingTorques {
   void write_composite_inertia() {
     Vector<double> centre{};
     total_ = 0.0;
-    for (const Body &body : bodies_) {
+    for (const FloatingBody &body : bodies_) {
       total_ += body.mass;
       centre = centre + scaled(body.position, body.mass);
     }
     whole_ = {};
-    for (Body &body : bodies_) {
+    for (FloatingBody &body : bodies_) {
       body.arm = body.position - Vector<double>{centre.x / total_, centre.y / total_,
                                                 centre.z / total_};
       const double m = body.mass;
@@ -164,16 +164,16 @@ class FloatingTorques {
   }
 
   // Add the motion of one rigid body to all bodies, so that the chain has no momentum.
-  void cancel_momentum(Vector<double> Body::*linear, Vector<double> Body::*angular) {
+  void cancel_momentum(Vector<double> FloatingBody::*linear, Vector<double> FloatingBody::*angular) {
     Vector<double> momentum{}, angular_momentum{};
-    for (const Body &body : bodies_) {
+    for (const FloatingBody &body : bodies_) {
       Vector<double> own = scaled(body.*linear, body.mass);
       momentum = momentum + own;
       angular_momentum = angular_momentum + cross(body.arm, own) + body.moment;
     }
     Vector<double> rigid = whole_.solve(scaled(angular_momentum, -1.0));
     Vector<double> drift{momentum.x / total_, momentum.y / total_, momentum.z / total_};
-    for (Body &body : bodies_) {
+    for (FloatingBody &body : bodies_) {
       body.*linear = body.*linear + (cross(rigid, body.arm) - drift);
       body.*angular = body.*angular + rigid;
     }
@@ -181,7 +181,7 @@ class FloatingTorques {
 
   // Write the torques of rotation about the centres of mass: I α + ω × I ω.
   void write_moments() {
-    for (Body &body : bodies_)
+    for (FloatingBody &body : bodies_)
       body.moment = body.inertia.times(body.alpha) +
                     cross(body.omega, body.inertia.times(body.omega));
   }
@@ -190,11 +190,11 @@ class FloatingTorques {
   // moment about the origin are summed inwards from the last module.
   void write_hinge_torques(View<double, 1> out) const {
     const Index hinges = joint_.hinges();
-    const Body &lump = bodies_[n_ + 1];
+    const FloatingBody &lump = bodies_[n_ + 1];
     Vector<double> force = scaled(lump.acceleration, lump.mass);
     Vector<double> moment = cross(lump.position, force) + lump.moment;
     for (Index i = n_ - 1; i > joint_.rigid_links; --i) {
-      const Body &body = bodies_[i];
+      const FloatingBody &body = bodies_[i];
       force = force + body.acceleration;
       moment = moment + cross(body.position, body.acceleration) + body.moment;
       Vector<double> about_pivot = moment - cross(pivots_[i - 1], force);
@@ -207,7 +207,7 @@ class FloatingTorques {
   const double *inertia_;
   const Lumps &lumps_;
   Index n_;
-  std::vector<Body> bodies_;            // the modules, then the lumps of the first and the last one
+  std::vector<FloatingBody> bodies_;            // the modules, then the lumps of the first and the last one
   std::vector<Vector<double>> pivots_;  // centres of the joints to the next modules
   std::vector<Vector<double>> axes_;    // of those joints
   Symmetric<double> whole_{};

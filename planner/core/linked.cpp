@@ -8,7 +8,6 @@
 // as much. h changes by at most max |v| a radian, so that most joints need no look at most frames.
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "clearance.hpp"
 #include "module_bindings.hpp"
@@ -17,7 +16,6 @@ namespace foldback {
 
 namespace {
 
-constexpr double INFINITE = std::numeric_limits<double>::infinity();
 constexpr double MAX_ROUNDING = 1e-12;  // of a computed h, in pitches
 
 // A joint and the two hulls that it links.

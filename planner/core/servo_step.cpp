@@ -141,14 +141,14 @@ struct RigidMotion {
 };
 
 // A module, or the lump of an end: mass, centre of mass, its velocity, inertia about it, and ω.
-struct Body {
+struct MovingBody {
   double mass;
   Vector<double> centre, velocity;
   Symmetric<double> inertia;
   Vector<double> omega;
 };
 
-Body body_of(Index b, const ChainModel &model, const ModuleStates &modules) {
+MovingBody body_of(Index b, const ChainModel &model, const ModuleStates &modules) {
   Index n = modules.size(), i = b < n ? b : (b - n) * (n - 1);
   Matrix<double> rotation = load_matrix(modules.rotations[i].data());
   Vector<double> centre = load(modules.positions[i].data());
@@ -173,14 +173,14 @@ RigidMotion equivalent_rigid_motion(const ChainModel &model, const ModuleStates 
   for (Index i = 0; i < modules.size(); ++i) total += model.masses[i];
   RigidMotion rigid{};
   for (Index b = 0; b < bodies; ++b) {
-    Body body = body_of(b, model, modules);
+    MovingBody body = body_of(b, model, modules);
     rigid.centre = rigid.centre + scaled(body.centre, body.mass / total);
     rigid.velocity = rigid.velocity + scaled(body.velocity, body.mass / total);
   }
   Vector<double> momentum{};  // angular, about the centre of mass
   Symmetric<double> whole{};
   for (Index b = 0; b < bodies; ++b) {
-    Body body = body_of(b, model, modules);
+    MovingBody body = body_of(b, model, modules);
     Vector<double> arm = body.centre - rigid.centre;
     Vector<double> orbital = cross(arm, body.velocity - rigid.velocity);
     momentum = momentum + scaled(orbital, body.mass) + body.inertia.times(body.omega);

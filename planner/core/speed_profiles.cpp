@@ -8,11 +8,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <limits>
 #include <vector>
 
 #include "bindings.hpp"
-#include "lanes.hpp"
+#include "vectors.hpp"
 
 namespace foldback {
 
@@ -36,8 +35,6 @@ constexpr double MIN_SLOPE = 1e-7;
 // that acceleration: it avoids a division by zero for joints at rest along the path.
 constexpr double MIN_INERTIA = 1e-12;
 
-constexpr double INF = std::numeric_limits<double>::infinity();
-
 // A path in N cells: the slopes q' of J hinges at both knots of a cell lie between two rows.
 struct PathCells {
   View<const double, 2> slopes;     // (K, J)
@@ -54,14 +51,14 @@ struct Bound {
 
 // Range of x₊ that x allows, and the upper bound of x itself.
 struct NextRange {
-  Bound low{-INF, 0.0}, high{INF, 0.0};
-  double x_bound = INF;
+  Bound low{-INFINITE, 0.0}, high{INFINITE, 0.0};
+  double x_bound = INFINITE;
 };
 
 // One cell of the path at a time, with the slopes q' at its knots.
-class Cell {
+class SpeedCell {
  public:
-  explicit Cell(const PathCells &path)
+  explicit SpeedCell(const PathCells &path)
       : path_(path), start_(path.slopes.axis(1)), end_(path.slopes.axis(1)) {}
 
   void move_to(Index k) {
@@ -140,8 +137,8 @@ auto fastest_profile(View<const double, 2> slopes, View<const Index, 1> left,
     require(right[k] >= 0 && right[k] < slopes.size(), "right: rows of slopes");
     require(lengths[k] > 0.0, "lengths: positive");
   }
-  std::vector<double> ceiling(count + 1, INF), x(count + 1);
-  Cell cell(path);
+  std::vector<double> ceiling(count + 1, INFINITE), x(count + 1);
+  SpeedCell cell(path);
   for (Index k = 0; k < count; ++k) {
     cell.move_to(k);
     double ratio = speed / cell.steepest();
@@ -186,12 +183,12 @@ T acceleration_limit(T a, T b, double z) {
 // Upper bound of z = u̇² one step from where it is z, with the ü = z' / 2 that all joints allow.
 double reachable(View<const double, 1> a, View<const double, 1> b, double z, double step) {
   Index j = 0;
-  Lanes limits = Lanes{} + INF;
+  Lanes limits = Lanes{} + INFINITE;
   for (; j + LANES <= a.size(); j += LANES) {
     Lanes limit = acceleration_limit(load_lanes(a.data() + j), load_lanes(b.data() + j), z);
     limits = limit < limits ? limit : limits;
   }
-  double least = INF;
+  double least = INFINITE;
   for (int lane = 0; lane < LANES; ++lane) least = std::min(least, limits[lane]);
   for (; j < a.size(); ++j) least = std::min(least, acceleration_limit(a[j], b[j], z));
   return z + 2.0 * least * step;

@@ -11,7 +11,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <span>
 #include <vector>
 
@@ -53,7 +52,6 @@ constexpr int MAX_CORNERS = 16;
 // Module number that stands for the floor.
 constexpr Index FLOOR = -1;
 
-constexpr double INF = std::numeric_limits<double>::infinity();
 
 using Vectors = std::span<const Vector<double>>;
 
@@ -90,7 +88,7 @@ struct ContactPoint {
 };
 
 // Convex polygon with few corners.
-struct Polygon {
+struct ContactArea {
   std::array<Vector<double>, MAX_CORNERS> corners;
   int count = 0;
   void add(const Vector<double> &corner) {
@@ -151,10 +149,10 @@ class PlacedHulls {
 
 // Face that separates a module best from another one, and by how much.
 FaceGap best_face(const PlacedHull &hull, const FacetedHull &solid, const PlacedHull &other) {
-  FaceGap best{-INF, 0};
+  FaceGap best{-INFINITE, 0};
   for (std::size_t f = 0; f < hull.normals.size(); ++f) {
     const Vector<double> &normal = hull.normals[f];
-    double least = INF;
+    double least = INFINITE;
     for (const Vector<double> &corner : other.corners)
       least = std::min(least, dot(normal, corner));
     Index face = static_cast<Index>(f);
@@ -168,7 +166,7 @@ FaceGap best_face(const PlacedHull &hull, const FacetedHull &solid, const Placed
 // the centre of a to that of b.
 double best_edges(const PlacedHull &a, const PlacedHull &b, const Vector<double> &between,
                   Vector<double> &axis) {
-  double best = -INF;
+  double best = -INFINITE;
   for (const Vector<double> &along_a : a.directions)
     for (const Vector<double> &along_b : b.directions) {
       Vector<double> across = cross(along_a, along_b);
@@ -176,7 +174,7 @@ double best_edges(const PlacedHull &a, const PlacedHull &b, const Vector<double>
       if (length < MIN_EDGE_ANGLE) continue;
       if (dot(across, between) < 0.0) length = -length;
       for (int r = 0; r < 3; ++r) across[r] /= length;
-      double high = -INF, low = INF;
+      double high = -INFINITE, low = INFINITE;
       for (const Vector<double> &corner : a.corners) high = std::max(high, dot(across, corner));
       for (const Vector<double> &corner : b.corners) low = std::min(low, dot(across, corner));
       if (low - high > best) {
@@ -194,7 +192,7 @@ struct Edge {
 // Edge that extends farthest along plus or minus an axis.
 Edge supporting_edge(Vectors corners, View<const Index, 2> edges, const Vector<double> &axis,
                      double sign) {
-  double best = -INF;
+  double best = -INFINITE;
   Index which = 0;
   for (Index e = 0; e < edges.size(); ++e) {
     double along = sign * dot(corners[edges(e, 0)] + corners[edges(e, 1)], axis);
@@ -219,9 +217,9 @@ bool between_edges(const Edge &a, const Edge &b, Vector<double> &point) {
 }
 
 // Part of a polygon in front of a plane through a point, with a normal that leads inwards.
-Polygon clipped(const Polygon &polygon, const Vector<double> &point,
+ContactArea clipped(const ContactArea &polygon, const Vector<double> &point,
                 const Vector<double> &inward) {
-  Polygon part;
+  ContactArea part;
   double level = dot(point, inward);
   for (int k = 0; k < polygon.count; ++k) {
     const Vector<double> &p = polygon.corners[k], &q = polygon.corners[(k + 1) % polygon.count];
@@ -255,7 +253,7 @@ class CommonCorners {
   // Corners farther from the first face than `max_gap`, in pitches, are left out; so is an
   // intersection that is narrower than MIN_OVERLAP_WIDTH.
   CommonCorners(const Face &face, const Face &other, double max_gap) {
-    Polygon polygon;
+    ContactArea polygon;
     for (Index corner : other.loop) polygon.add(other.corners[corner]);
     for (std::size_t k = 0; k < face.loop.size() && polygon.count > 0; ++k)
       polygon = clipped(polygon, face.corner(k), face.inward(k));
@@ -292,7 +290,7 @@ class CommonCorners {
   bool is_wide(const Face &face) const {
     for (std::size_t k = 0; k < face.loop.size(); ++k) {
       Vector<double> inward = face.inward(k);
-      double width = -INF, level = dot(face.corner(k), inward);
+      double width = -INFINITE, level = dot(face.corner(k), inward);
       for (int m = 0; m < points_.count; ++m)
         width = std::max(width, dot(points_.corners[m], inward) - level);
       if (width < MIN_OVERLAP_WIDTH) return false;
@@ -300,7 +298,7 @@ class CommonCorners {
     return true;
   }
 
-  Polygon points_;
+  ContactArea points_;
   std::array<double, MAX_CORNERS> gaps_;
 };
 
@@ -353,7 +351,7 @@ class ContactSearch {
   void add_face(Index a, Index b, Index face, double module_gap) {
     const PlacedHull hull = hulls_[a], other = hulls_[b];
     const Vector<double> &normal = hull.normals[face];
-    double least = INF;
+    double least = INFINITE;
     Index opposite = 0;
     for (std::size_t f = 0; f < other.normals.size(); ++f)
       if (double cosine = dot(other.normals[f], normal); cosine < least) {

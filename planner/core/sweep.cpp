@@ -1,7 +1,6 @@
 #include "sweep.hpp"
 
 #include <algorithm>
-#include <limits>
 
 #include "allowances_bindings.hpp"
 #include "module_bindings.hpp"
@@ -32,7 +31,6 @@ constexpr double ROUNDING_MARGIN = 1e-9;
 // close to the smallest clearance seen; after it any positive bound will do. Decision 0012.
 constexpr int TIGHT_BISECTIONS = 8;
 
-constexpr double INFINITE = std::numeric_limits<double>::infinity();
 
 // First and last module of the stretch whose hinges are `first` to `last` − 1.
 std::pair<Index, Index> moving_modules(const Shape &shape, Index first, Index last) {

@@ -1,9 +1,13 @@
 // Vectors and matrices of three dimensions. T is a number, or several numbers in lanes.
 #pragma once
 
+#include <limits>
+
 #include "lanes.hpp"
 
 namespace foldback {
+
+constexpr double INFINITE = std::numeric_limits<double>::infinity();
 
 template <class T>
 struct Vector {
