@@ -1,4 +1,5 @@
 # foldback: `make run` shows it, `make test` checks it. Python 3.11+ and make are all it needs.
+# It uses a C++ compiler, CMake and ninja if they are there; else the build fetches them.
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 MAKEFLAGS += --no-builtin-rules
@@ -14,6 +15,7 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-v
 PINNED := --constraint constraints.txt --editable
 PARALLEL := -n auto --dist worksteal
 FAST := -n logical --dist worksteal -m "not processes and not slow and not browser and not long and not benchmark"
+CORE := CMakeLists.txt build_backend.py $(wildcard planner/core/*.cpp planner/core/*.hpp planner/core/CMakeLists.txt)
 NODE_MODULES := node_modules/.installed
 PRETTIER := $(BIN)/node node_modules/prettier/bin/prettier.cjs --log-level warn
 SCRIPTS := "web/static/**/*.js" "tests/web/js/*.js" eslint.config.js web/types.d.ts
@@ -23,7 +25,7 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python pytho
 	"$$p" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' \
 	>/dev/null 2>&1 && { echo "$$p"; exit; }; done)
 
-.PHONY: help run test test-fast test-lowest test-long faults coverage load audit compose-check deploy-check docs release-files texts lint format bench success-map reproduction constraints clean tools test-foreign
+.PHONY: help run test test-fast test-lowest test-long faults coverage load audit compose-check deploy-check docs release-files texts lint format bench success-map reproduction constraints clean tools test-foreign wheels sanitize
 
 help: ## List the targets of make
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
@@ -47,12 +49,20 @@ define install
 @rm -rf $(VENV)/uv
 endef
 
-$(RUNS): pyproject.toml constraints.txt
-	$(call install,.[service],its dependencies)
+# Compiles changed files of the core, with the tools that .[dev] installs, or those of an environment
+# that pip makes for it.
+define rebuild
+@echo "Building the core …"
+@$(PIP_INSTALL) --no-deps --no-build-isolation --editable . 2>/dev/null \
+	|| $(PIP_INSTALL) --no-deps --editable .
+endef
+
+$(RUNS): pyproject.toml constraints.txt $(CORE)
+	$(if $(filter-out $(CORE),$?),$(call install,.[service],its dependencies),$(rebuild))
 	@touch $@
 
-$(STAMP): pyproject.toml constraints.txt
-	$(call install,.[dev],what its tests need)
+$(STAMP): pyproject.toml constraints.txt $(CORE)
+	$(if $(filter-out $(CORE),$?),$(call install,.[dev],what its tests need),$(rebuild))
 	@touch $(RUNS) $@
 
 run: $(RUNS) ## Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_DIR)
@@ -71,6 +81,28 @@ $(NODE_MODULES): $(STAMP) package.json package-lock.json .npmrc
 	@echo "Installing the tools for the pages' scripts into node_modules, once …"
 	@$(BIN)/npm ci --silent --ignore-scripts
 	@touch $@
+
+wheels: $(STAMP) ## Build wheels into dist/: one for Python 3.11, if it is there, and one for all later ones
+	@rm -rf dist
+	@for pythons in "python3.11" "python3.12 python3.13 python3.14"; do for python in $$pythons; do \
+		"$$python" -c '' 2>/dev/null || continue; \
+		"$$python" -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist . \
+			|| exit 1; \
+		break; done; done
+	@ls dist
+
+# Other builds of the core stay as they are.
+SANITIZED := build/sanitized
+ASAN = $(shell $${CXX:-c++} -print-file-name=libasan.so)
+SANITIZED_TESTS := tests/planner/core tests/planner/chain tests/planner/clearance tests/planner/statics tests/planner/turns
+
+sanitize: $(STAMP) ## Run tests of the core with checks of addresses, indices and undefined behaviour
+	@cmake -S . -B $(SANITIZED) -G Ninja -DFOLDBACK_SANITIZE=ON -DSKBUILD_STATE=editable \
+		-DPython_EXECUTABLE=$(abspath $(BIN))/python >/dev/null
+	@cmake --build $(SANITIZED)
+	@FOLDBACK_CORE=$(abspath $(SANITIZED))/core LD_PRELOAD=$(ASAN) \
+		ASAN_OPTIONS=detect_leaks=0 UBSAN_OPTIONS=print_stacktrace=1:halt_on_error=1 \
+		$(BIN)/python -m pytest -q -p tests.planner.core.sanitized -o timeout=0 $(SANITIZED_TESTS) $(ARGS)
 
 lint: $(STAMP) $(NODE_MODULES) ## Check style and types
 	@$(BIN)/ruff check .

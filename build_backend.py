@@ -11,6 +11,7 @@ import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from tempfile import TemporaryDirectory
 
 from scikit_build_core import build as backend
 from scikit_build_core.build import get_requires_for_build_sdist, prepare_metadata_for_build_wheel
@@ -36,20 +37,27 @@ prepare_metadata_for_build_editable = backend.prepare_metadata_for_build_editabl
 
 def has_compiler() -> bool:
     """Return True if CMake will find a C++ compiler: that of CXX, or one of the usual names."""
-    return "CXX" in os.environ or any(shutil.which(name) for name in ("c++", "g++", "clang++"))
+    names = ("c++", "g++", "clang++", "cl", "clang-cl")
+    return "CXX" in os.environ or any(shutil.which(name) for name in names)
 
 
 @contextmanager
-def compiler() -> Iterator[None]:
-    """Name the compiler from the package index to CMake if the machine has none."""
+def with_compiler(settings: Settings) -> Iterator[Settings]:
+    """Yield settings for the build; if the machine has no compiler, name that of the package.
+
+    That one is gone after the build, and so are files that name it and its cache.
+    """
     if has_compiler():
-        yield
+        yield settings
         return
-    os.environ["CXX"] = f"{sys.executable} -m ziglang c++"
-    try:
-        yield
-    finally:
-        del os.environ["CXX"]
+    with TemporaryDirectory() as place:
+        os.environ["CXX"] = f"{sys.executable} -m ziglang c++"
+        os.environ["ZIG_GLOBAL_CACHE_DIR"] = os.environ["ZIG_LOCAL_CACHE_DIR"] = place
+        try:
+            yield {**(settings or {}), "build-dir": f"{place}/build"}
+        finally:
+            for name in ("CXX", "ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"):
+                del os.environ[name]
 
 
 def get_requires_for_build_wheel(config_settings: Settings = None) -> list[str]:
@@ -68,13 +76,13 @@ def build_wheel(
     wheel_directory: str, config_settings: Settings = None, metadata_directory: str | None = None
 ) -> str:
     """Build a wheel, and return its file name."""
-    with compiler():
-        return backend.build_wheel(wheel_directory, config_settings, metadata_directory)
+    with with_compiler(config_settings) as settings:
+        return backend.build_wheel(wheel_directory, settings, metadata_directory)
 
 
 def build_editable(
     wheel_directory: str, config_settings: Settings = None, metadata_directory: str | None = None
 ) -> str:
     """Build a wheel for an editable installation, and return its file name."""
-    with compiler():
-        return backend.build_editable(wheel_directory, config_settings, metadata_directory)
+    with with_compiler(config_settings) as settings:
+        return backend.build_editable(wheel_directory, settings, metadata_directory)

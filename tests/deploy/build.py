@@ -23,7 +23,7 @@ from tests.server.service_process import wait_until
 ROOT = DEPLOY.parent
 BASE_IMAGE = "docker.io/library/python:3.11-slim-bookworm"
 PACKAGES = ("buildah", "debootstrap", "crun")
-BASE_PACKAGES = ("ca-certificates", "python3", "python3-venv", "python3-pip")
+BASE_PACKAGES = ("ca-certificates", "python3", "python3-venv", "python3-pip", "python3-dev")
 MIRROR = "http://deb.debian.org/debian"
 PORT = 8765
 TIMEOUT_S = 180.0

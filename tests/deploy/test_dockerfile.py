@@ -68,12 +68,19 @@ def test_everything_installed_is_copied_and_passes_dockerignore() -> None:
     assert {"pyproject.toml", about["readme"], *about["license-files"]} <= copied
     assert {
         "CMakeLists.txt",
+        "build_backend.py",
         "examples",
         *PROJECT["tool"]["scikit-build"]["wheel"]["packages"],
     } <= copied
     for source in copied:
         files = files_below(ROOT / source)
         assert files and all(allowed_through(name, patterns) for name in files), source
+
+
+def test_compiler_is_in_the_build_stage_alone() -> None:
+    build, _, image = DOCKERFILE.read_text().rpartition("\nFROM ")
+    assert "g++" in build
+    assert not re.search(r"g\+\+|gcc|clang|cmake|build-essential", image)
 
 
 def test_requirements_layer_lists_the_dependencies() -> None:
