@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from bench.machine import processor_seconds
-from bench.measured_tables import Section
+from bench.sections import Section
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.workspace import Workspace

@@ -5,7 +5,16 @@ from typing import Any
 
 from foldback.planner.certificate.table_certificate import table_certificate
 from foldback.planner.parameters.explosion import Base
-from foldback.words.certificate import clearance, headline, linked, on_table, record, rows, torque
+from foldback.words.certificate import (
+    clearance,
+    headline,
+    linked,
+    on_table,
+    record,
+    robot_in_mujoco,
+    rows,
+    torque,
+)
 from tests.planner.certificate.test_table_certificate import LIFTED, line, swing
 
 EXEMPT = {"apart": 2, "worst_overlap_bound": 0.2941, "relief_radius": 0.525, "relief_share": 0.219}
@@ -52,6 +61,20 @@ def test_negative_clearance_is_called_an_overlap() -> None:
         (-2.0, "overlap by at most 200.0 %"),
     ):
         assert f"modules {words} of the" in str(clearance(SIMULATED | {"clearance_bound": value}))
+
+
+def test_robot_in_mujoco_is_named_with_its_error_and_that_of_our_simulation() -> None:
+    robots = [{"max_angle_error_rad": error} for error in (1.4e-4, 1.27e-4, 7e-5)]
+    in_mujoco = {"robot": 1, "max_angle_error_rad": 1.34e-4, "max_difference_rad": 4.3e-5}
+    text = robot_in_mujoco(SIMULATED | {"robots": robots, "mujoco_robot": in_mujoco})
+    assert text == (
+        "MuJoCo simulated robot 2 of 3 again, with the same imperfections. "
+        "Largest joint error: 130 µrad (130 µrad in our simulation). "
+        "Largest difference between the joint angles of both simulations: 43 µrad"
+    )
+    alone = robot_in_mujoco(SIMULATED | {"robots": None, "mujoco_robot": in_mujoco | {"robot": 0}})
+    assert str(alone).startswith("MuJoCo simulated the robot again, with the same imperfections.")
+    assert robot_in_mujoco(SIMULATED) is None
 
 
 def test_margins_are_rounded_down_and_name_their_limit() -> None:
