@@ -58,7 +58,7 @@ def _fold_page(request: Request, fold_id: str) -> Response:
         facts_json=script_json(script_facts(facts)),
         drawing=drawing_in(located.directory) if drawable else "",
         details=True,
-        service=viewing_of(request).settings is not None,
+        has_service=viewing_of(request).settings is not None,
         origin=origin_of(request),
         view=_asked_view(request),
     )

@@ -29,7 +29,7 @@ async def kiosk(
     """Return the kiosk page; if no folds are chosen, it plays those that come with foldback."""
     shown_folds = await asyncio.to_thread(_chosen, request, folds.split(",") if folds else [])
     if not shown_folds:
-        return not_found_page(*NO_FOLD, service=True)
+        return not_found_page(*NO_FOLD)
     return page("kiosk.html", exhibits=exhibits(shown_folds, at("/embed/{}")))
 
 

@@ -22,7 +22,7 @@ DRAWN_CELLS: Final = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0,
 
 
 def not_found_page(
-    heading: str, text: str, *, status_code: int = 404, service: bool = True
+    heading: str, text: str, *, status_code: int = 404, has_service: bool = True
 ) -> Response:
     """Return the page that explains a problem.
 
@@ -30,17 +30,22 @@ def not_found_page(
         heading: Short heading.
         text: Explanation in one or two sentences.
         status_code: HTTP status of the response.
-        service: True if it can link to other pages.
+        has_service: True if it can link to other pages of a service.
     """
     drawing = isometric_svg(DRAWN_CELLS)
     return page(
-        "message.html", status_code, heading=heading, text=text, drawing=drawing, service=service
+        "message.html",
+        status_code,
+        heading=heading,
+        text=text,
+        drawing=drawing,
+        has_service=has_service,
     )
 
 
 def no_such_page(request: Request, words: tuple[str, str]) -> Response:
     """Return a page with a heading and a text, in a service or a viewer of one directory."""
-    return not_found_page(*words, service=viewing_of(request).settings is not None)
+    return not_found_page(*words, has_service=viewing_of(request).settings is not None)
 
 
 def problem_page(problem: Problem) -> Response:

@@ -64,12 +64,12 @@ class Site:
 
     Attributes:
         out: Directory of the site.
-        service: Address of a service that folds visitors' shapes; None without one.
+        service_address: Address of a service that folds visitors' shapes; None without one.
         file_names: Names of the files that pages refer to.
     """
 
     out: Path
-    service: str | None
+    service_address: str | None
     file_names: set[str] = field(default_factory=set)
 
     def at(self, root: str, address: str) -> str:
@@ -111,19 +111,19 @@ class Site:
         write_whole(path, content.encode() if isinstance(content, str) else content)
 
 
-def write_site(out: Path, folds: Sequence[LocatedFold], service: str | None = None) -> None:
+def write_site(out: Path, folds: Sequence[LocatedFold], service_address: str | None = None) -> None:
     """Write a site.
 
     Args:
         out: Directory of the site.
         folds: Finished folds with different ids, after which their files are named.
-        service: Address of a service that folds visitors' shapes.
+        service_address: Address of a service that folds visitors' shapes.
 
     Raises:
         OSError: If a file cannot be written.
         PlannerError: If the files of a fold cannot be read.
     """
-    site = Site(out, service)
+    site = Site(out, service_address)
     for fold in folds:
         site.write(f"folds/{fold.row.id}.html", _fold_page(site, fold))
         site.write(f"folds/{fold.row.id}.svg", drawing_in(fold.directory))

@@ -2,6 +2,7 @@
 
 import json
 import re
+from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 from urllib.robotparser import RobotFileParser
@@ -87,9 +88,23 @@ def test_downloads_of_a_hostile_name_are_harmless(service: Service) -> None:
         elif "html" in kind:
             assert "<script>alert" not in answer.text
             assert answer.headers["content-security-policy"].startswith("sandbox")
+            assert not [link for link in links(answer.text) if link.startswith("/")]
         if "attachment" in (header := answer.headers.get("content-disposition", "")):
             plain, encoded = r'filename="[A-Za-z0-9._-]+"', r"filename\*=utf-8''[A-Za-z0-9._%-]+"
             assert re.fullmatch(f"attachment; ({plain}|{encoded})", header), header
+
+
+def links(html: str) -> list[str]:
+    """Return the addresses that a page names in its elements."""
+    addresses: list[str] = []
+
+    class Links(HTMLParser):
+        def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+            names = ("href", "src", "action", "data-entry")
+            addresses.extend(str(value) for name, value in attrs if name in names)
+
+    Links().feed(html)
+    return addresses
 
 
 def test_script_json_does_not_end_its_element() -> None:

@@ -16,6 +16,7 @@ from foldback.server.submission import shipped_folds
 from foldback.server.app import create_app
 from foldback.server.cli.serve import _fold_first
 from foldback.server.settings import Settings
+from tests.server import routes
 
 shipped_folds.SHIPPED_FOLDS_DIR = Path(sys.argv[2])
 app = create_app(Settings(data_dir=sys.argv[1], workers=0, prewarm=False))
@@ -23,8 +24,8 @@ with TestClient(app, base_url="http://127.0.0.1:8000") as client:
     context = app.state.context
     first = _fold_first(context, "wrench-160")
     assert context.store.fold(first).status == "verified" and not context.store.waiting()
-    pages = ["/", "/gallery", "/shapes/new", "/paper", "/benchmarks", "/docs", "/my-folds"]
-    pages += ["/privacy", "/featured/bundle", "/featured/batch", "/featured/picture.png"]
+    pages = [page for page in routes.pages() if page != "/compare"]  # which needs two folds
+    pages += ["/featured/bundle", "/featured/batch", "/featured/picture.png"]
     pages += ["/shapes/cat.svg", "/shapes/tetra-ring.svg"]
     for row in context.store.list_public():
         page, api = f"/folds/{row.id}", f"/api/folds/{row.id}"
