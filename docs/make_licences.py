@@ -45,6 +45,9 @@ build is in the Debian source package `ffmpeg`. `make run` installs no FFmpeg. T
 `foldback[movies]` installs a build of FFmpeg under the GNU General Public License, version 3 or
 later. The extra `foldback[ipctk]` installs the IPC Toolkit, under the MIT licence.
 
+The compiled core contains parts of nanobind, under the BSD-3-Clause licence, and of robin-map,
+under the MIT licence; both texts are in `planner/core/licences.txt`.
+
 Text in pictures and leaflets uses a subset of the font DejaVu Sans
 (`planner/exports/dejavu-sans.ttf`). The font's permissive licence, by Bitstream and Tavmjong Bah,
 is in the font file.
