@@ -87,8 +87,8 @@ def _random_path(sides: tuple[int, int, int]) -> bytes:
 
 def _row(name: str, data: bytes, strategy: str, reference_seconds: float) -> dict[str, Any]:
     before_s = processor_seconds()
-    with TemporaryDirectory() as aside:
-        directory = FilePath(aside)
+    with TemporaryDirectory() as scratch:
+        directory = FilePath(scratch)
         request = FoldRequest(filename="path.json", strategy=strategy)
         Workspace(directory).write_request(request, data)
         run_stages(directory, workers=1)

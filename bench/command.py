@@ -104,7 +104,7 @@ def _watch(pid: int, readings: list[int]) -> None:
             readings.append(1024 * int(line.group(1)))
             if poll % POLLS_PER_TREE_READING == 0:
                 every = [process, *process.children(recursive=True)]
-                readings.append(sum(one.memory_info().rss for one in every))
+                readings.append(sum(running.memory_info().rss for running in every))
             time.sleep(MEMORY_POLL_S)
 
 

@@ -218,7 +218,7 @@ def _large(section: Section) -> None:
         ]
         start_s = time.perf_counter()
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        with watched(process.pid) as seen:
+        with watched(process.pid) as memory_readings:
             _, status, usage = os.wait4(process.pid, 0)
             seconds = time.perf_counter() - start_s
         process.returncode = os.waitstatus_to_exitcode(status)
@@ -230,7 +230,7 @@ def _large(section: Section) -> None:
         f"< {MAX_LARGE_MESH_S} s",
         process.returncode == 0 and seconds < MAX_LARGE_MESH_S,
     )
-    memory = max(seen) / 2**20
+    memory = max(memory_readings) / 2**20
     section.add(f"{label}, processor", f"{usage.ru_utime + usage.ru_stime:.2f} s", "reported")
     section.add(
         f"{label}, memory",

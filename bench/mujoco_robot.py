@@ -43,7 +43,7 @@ def _row(name: str, data: bytes, reference_seconds: float) -> dict[str, Any]:
         workspace.write_request(FoldRequest(), data)
         run_stages(place)
         chain, record = workspace.read_chain(), workspace.read_record()
-        parameters = workspace.read_job().parameters(record)
+        parameters = workspace.read_fold_spec().parameters(record)
     trajectory = ReferenceTrajectory(
         chain, record, parameters.playback, parameters.module_size, 0.0, 1, None
     )
@@ -57,15 +57,15 @@ def _row(name: str, data: bytes, reference_seconds: float) -> dict[str, Any]:
         run.simulate(None, silent, never)
         runs.append(run)
         seconds.append(processor_seconds() - began_s)
-    ours, in_mujoco = runs
-    difference = ours.frames.joint_angles_rad - in_mujoco.frames.joint_angles_rad
+    own_run, in_mujoco = runs
+    difference = own_run.frames.joint_angles_rad - in_mujoco.frames.joint_angles_rad
     return {
         "shape": name,
         "modules": len(chain),
-        "steps": ours.steps,
+        "steps": own_run.steps,
         "ours, × reference": seconds[0] / reference_seconds,
         "MuJoCo, × reference": seconds[1] / reference_seconds,
-        "error of ours, mrad": 1e3 * ours.largest_error,
+        "error of ours, mrad": 1e3 * own_run.largest_error,
         "error in MuJoCo, mrad": 1e3 * in_mujoco.largest_error,
         "difference, mrad": 1e3 * float(np.abs(difference).max()),
     }

@@ -62,14 +62,14 @@ def _run(name: str, workers: int) -> dict[str, Any]:
         summary = run_stages(directory, workers=workers)
         wall, cpu = time.perf_counter() - wall, processor_seconds() - cpu
         plan = Plan.load(directory / "plan.npz")
-        tried = [attempt["seconds"] for attempt in plan.attempts if "finer" not in attempt]
+        try_seconds = [attempt["seconds"] for attempt in plan.attempts if "finer" not in attempt]
         return {
             "fold": name,
             "workers": workers,
             "modules": summary["modules"],
             "status": summary["status"],
-            "tries": len(tried),
-            "seconds of each": " ".join(f"{seconds:.1f}" for seconds in tried),
+            "tries": len(try_seconds),
+            "seconds of each": " ".join(f"{seconds:.1f}" for seconds in try_seconds),
             "wall s": wall,
             "cpu s": cpu,
             "plan": [value.tobytes() for value in plan.motion.columns().values()],

@@ -90,7 +90,7 @@ def write_sections(
     for section in sections:
         section.show(console)
         measured.append(section)
-        plain = [each.as_dict() for each in measured]
+        plain = [section_so_far.as_dict() for section_so_far in measured]
         about = {"machine": machine, "date": time.strftime("%Y-%m-%d"), "sections": plain}
         out.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
     return measured

@@ -28,8 +28,8 @@ def markdown_rows() -> str:
 
 def page(text: str) -> str:
     """Return a page with current rows."""
-    before, _, rest = text.partition(BEGIN)
-    _, _, after = rest.partition(END)
+    before, _, after_begin = text.partition(BEGIN)
+    _, _, after = after_begin.partition(END)
     return f"{before}{BEGIN}\n{markdown_rows()}\n{END}{after}"
 
 

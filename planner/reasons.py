@@ -276,8 +276,10 @@ def _words(values: ReasonValues, reader: Reader) -> dict[str, Any]:
         words["modules"] = _modules(words["modules"], reader.first)
     if "shape" in words:
         count, *hinges = words["expected"]
-        what = f"frames of {hinges[0]} joint angles" if hinges else "angles of the hinges in motion"
-        words |= {"shape": tuple(words["shape"]), "expected": f"{count} {what}"}
+        elements = "angles of the hinges in motion"
+        if hinges:
+            elements = f"frames of {hinges[0]} joint angles"
+        words |= {"shape": tuple(words["shape"]), "expected": f"{count} {elements}"}
     return words
 
 

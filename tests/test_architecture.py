@@ -70,8 +70,8 @@ def test_no_constant_is_only_said_to_be_chosen() -> None:
     scripts = (made.ROOT / "web" / "static").rglob("*.js")
     for path in (*made.modules().values(), *sources, *scripts):
         with case(str(path)):
-            chosen = re.search(r"\bChosen\b[.:;]", path.read_text(encoding="utf-8"))
-            assert chosen is None, "say what the number is and its unit: CONTRIBUTING.md, Style"
+            match = re.search(r"\bChosen\b[.:;]", path.read_text(encoding="utf-8"))
+            assert match is None, "say what the number is and its unit: CONTRIBUTING.md, Style"
 
 
 def test_names_say_what_they_hold() -> None:

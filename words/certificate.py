@@ -386,13 +386,13 @@ def robot_in_mujoco(certificate: CertificateFigures) -> str | None:
         quantity(in_mujoco[figure], "rad", CERTIFICATE_DIGITS)
         for figure in ("max_angle_error_rad", "max_difference_rad")
     )
-    ours = ""
+    own_error = ""
     if our_robots:
         our_error = quantity(our_robots[number]["max_angle_error_rad"], "rad", CERTIFICATE_DIGITS)
-        ours = f" ({our_error} in our simulation)"
+        own_error = f" ({our_error} in our simulation)"
     return (
         f"MuJoCo simulated {name} again, with the same imperfections. "
-        f"Largest joint error: {error}{ours}. "
+        f"Largest joint error: {error}{own_error}. "
         f"Largest difference between the joint angles of both simulations: {difference}"
     )
 

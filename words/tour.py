@@ -75,7 +75,7 @@ def draft_stops(row: ShownFold, frames: int, moments: Moments | None = None) -> 
         "direct": _direct(stored_moments),
     }
     stops += [DraftStop(kind, stop) for kind, stop in between.items() if stop is not None]
-    stops.sort(key=lambda shown: shown.stop.frame)
+    stops.sort(key=lambda draft: draft.stop.frame)
     return [*stops, DraftStop("end", end)]
 
 

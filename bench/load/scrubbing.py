@@ -64,10 +64,10 @@ def scrubbing(short: bool = False) -> Section:
 
 
 def _tell(
-    section: Section, label: str, found: dict[str, Any], web_cpu_s: float, *, judged: bool
+    section: Section, label: str, figures: dict[str, Any], web_cpu_s: float, *, judged: bool
 ) -> None:
     for phase in ("arriving", "times"):
-        for kind, values in sorted(found[f"{phase}_s"].items()):
+        for kind, values in sorted(figures[f"{phase}_s"].items()):
             section.rows.append(
                 {
                     "what": label,
@@ -79,7 +79,7 @@ def _tell(
                     "most, ms": percentile_ms(values, 100),
                 }
             )
-    times = found["times_s"]
+    times = figures["times_s"]
     pages = percentile_ms(times.get("page", []) + times.get("API", []), 95)
     scrubs = percentile_ms(times.get("scrub", []) + times.get("batch", []), 95)
     for name, measured, bar in (
@@ -88,11 +88,11 @@ def _tell(
     ):
         is_met = measured < bar if judged else None
         section.add(f"{name} p95, {label}", f"{measured:.0f} ms", f"< {bar} ms", is_met)
-    section.add(f"errors, {label}", json.dumps(found["errors"]), "none", not found["errors"])
+    section.add(f"errors, {label}", json.dumps(figures["errors"]), "none", not figures["errors"])
     section.add(
         f"cores, {label}",
-        f"web {web_cpu_s / found['wall_s']:.2f}, the visitors themselves "
-        f"{found['cpu_s'] / found['wall_s']:.2f}",
+        f"web {web_cpu_s / figures['wall_s']:.2f}, the visitors themselves "
+        f"{figures['cpu_s'] / figures['wall_s']:.2f}",
     )
 
 

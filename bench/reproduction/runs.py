@@ -214,7 +214,7 @@ def _figures(
         strip=experiment.strip,
         straight=experiment.straight,
     )
-    if any(one.start == experiment.id for one in experiments()):
+    if any(experiment_run.start == experiment.id for experiment_run in experiments()):
         _keep_start(experiment.id, directory / "plan.npz")
     return {
         "modules": summary["modules"],
@@ -295,7 +295,7 @@ def _ask(directory: Path, experiment: Experiment) -> None:
 
 def _start(experiment: Experiment) -> Plan:
     """Return the plan that an experiment starts with; compute it if it is not stored."""
-    (first,) = (one for one in experiments() if one.id == experiment.start)
+    (first,) = (candidate for candidate in experiments() if candidate.id == experiment.start)
     start_path = _start_file(first.id)
     if not start_path.exists():
         with tempfile.TemporaryDirectory(prefix="foldback-reproduction-") as place:

@@ -188,10 +188,10 @@ def _compared(browser: Browser, address: str, shape: str, kind: str) -> dict[str
     page = _opened(browser, address)
     rng = np.random.default_rng(len(shape))
     frames = page.evaluate("() => +document.getElementById('scrub').max + 1")
-    shown = [_turned(page, int(frame), rng) for frame in np.linspace(0, frames - 1, VIEWS_PER_FOLD)]
+    views = [_turned(page, int(frame), rng) for frame in np.linspace(0, frames - 1, VIEWS_PER_FOLD)]
     page.context.close()
     worst = 0.0
-    for view in shown:
+    for view in views:
         other_opened = _opened(browser, view.address)
         differs = np.abs(_picture(other_opened) - view.picture).max(axis=-1) > MIN_DIFFERENCE_LEVELS
         worst = max(worst, float(differs.mean()))

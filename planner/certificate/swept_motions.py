@@ -21,18 +21,18 @@ from foldback.planner.progress import Cancelled, Progress, Report
 class Sweeps:
     """Sweeps of a fold's motions; None of a motion that is not there, or not swept to its end.
 
-    The order of ``others`` is that of the function with this name.
+    The order of ``other_robots`` is that of ``motions_of_other_robots``.
     """
 
     record: Sweep | None = None
     plan: Sweep | None = None
     playback: Sweep | None = None
-    others: tuple[Sweep, ...] = ()
+    other_robots: tuple[Sweep, ...] = ()
 
     @property
     def of_robots(self) -> tuple[Sweep | None, ...]:
         """Sweeps of the simulated playbacks: the one that is shown, and those of other robots."""
-        return (self.playback, *self.others)
+        return (self.playback, *self.other_robots)
 
     def figures(self) -> dict[str, Any]:
         """Return the figures of a certificate that come from sweeps alone."""
@@ -78,7 +78,7 @@ class Sweeper:
                 of_playback = self._sweep(playback.frames, "playback", 0.7)
                 of_others = tuple(
                     self._sweep(angles, "playback of another simulated robot", 0.8)
-                    for angles in others(playback)
+                    for angles in motions_of_other_robots(playback)
                 )
         if record is not None:
             frames = None if playback is None else playback.frames
@@ -90,7 +90,7 @@ class Sweeper:
         if self._stops():
             # What was not looked at to its end proves nothing; nobody knows what is least in it.
             return Sweeps()
-        return Sweeps(record=of_record, plan=of_plan, playback=of_playback, others=of_others)
+        return Sweeps(record=of_record, plan=of_plan, playback=of_playback, other_robots=of_others)
 
     def _sweep(
         self, motion: Motion, name: str, fraction: float, share: float = BOUND_RATIO
@@ -111,10 +111,10 @@ def followed(playback: Playback) -> tuple[Motion, ...]:
     plan = playback.reference
     if not playback.simulated:
         return (plan,)
-    return (plan, playback.frames, *others(playback))
+    return (plan, playback.frames, *motions_of_other_robots(playback))
 
 
-def others(playback: Playback) -> tuple[Motion, ...]:
+def motions_of_other_robots(playback: Playback) -> tuple[Motion, ...]:
     """Return the motion of each robot whose playback is not the one that is shown.
 
     That of a robot in MuJoCo is the last one.

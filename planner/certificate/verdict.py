@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from foldback.planner.certificate.plan_figures import distances_from_shape, rms
-from foldback.planner.certificate.swept_motions import Sweeps, followed, others
+from foldback.planner.certificate.swept_motions import Sweeps, followed, motions_of_other_robots
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.rotations import aligned_distances
 from foldback.planner.clearance.sweep import Sweep
@@ -69,7 +69,7 @@ def find_reason(
             return beyond
     if playback.simulated and figures["rms_position_error"] > MAX_VERIFIED_ERROR_PITCH:
         return Reason.of(Code.PLAYBACK_END, error=figures["rms_position_error"])
-    for other_motion in others(playback):
+    for other_motion in motions_of_other_robots(playback):
         error = rms(distances_from_shape(chain, other_motion.angles_at(chain, -1)))
         if error > MAX_VERIFIED_ERROR_PITCH:
             return Reason.of(Code.OTHER_ROBOT_END, error=error)

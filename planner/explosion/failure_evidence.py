@@ -89,15 +89,15 @@ class KnotEvidence:
     def text(self, reader: Reader = PROGRAMS) -> str:
         """Return the evidence as a phrase in plain English; it is the same for all readers."""
         del reader
-        which = (
+        determinant = (
             ""
             if self.determinant in (None, 1)
             else f" (the knot's determinant is {self.determinant}; that of a chain without a knot "
             "is 1)"
         )
         return (
-            f"the chain is knotted{which}: a drawing of the stalled chain, with both ends extended "
-            f"outwards, has {len(self.diagram)} crossings"
+            f"the chain is knotted{determinant}: a drawing of the stalled chain, with both ends "
+            f"extended outwards, has {len(self.diagram)} crossings"
         )
 
     def as_dict(self) -> KnotFigures:
@@ -347,6 +347,6 @@ def _overlaps(blocks: Sequence[Turn] | Sequence[Move], first: int) -> str:
     """Return the pairs of modules that block motions, counted from ``first``."""
     pairs = list(dict.fromkeys(block.modules for block in blocks))
     named = [f"modules {a + first} and {b + first}" for a, b in pairs[:MAX_NAMED_PAIRS]]
-    if more := len(pairs) - len(named):
-        named.append(f"and {more} more pair{'' if more == 1 else 's'}")
+    if unnamed := len(pairs) - len(named):
+        named.append(f"and {unnamed} more pair{'' if unnamed == 1 else 's'}")
     return f"because modules would overlap: {', '.join(named)}"

@@ -224,10 +224,10 @@ def _is_used(setting: Setting, parameters: Parameters) -> bool:
 
 def _value(setting: Setting, text: str) -> Value:
     stated = {"setting": setting.name, "label": setting.label, "value": text[:20]}
-    got = "got {label} ({setting}) = {value!r}, expected"
+    template = "got {label} ({setting}) = {value!r}, expected"
     if setting.words:
         if text not in setting.words:
-            raise _bad(f"{got} {' or '.join(setting.words)}.", **stated)
+            raise _bad(f"{template} {' or '.join(setting.words)}.", **stated)
         return text
     if setting.optional and text == NO_LIMIT:
         return None
@@ -237,7 +237,7 @@ def _value(setting: Setting, text: str) -> Value:
         kind = "a whole number" if setting.is_whole else "a number"
         none = f", or {NO_LIMIT}" if setting.optional else ""
         expected = f"{kind} from {{low:g}} to {{high:g}}{none}."
-        raise _bad(f"{got} {expected}", **stated, low=low, high=high)
+        raise _bad(f"{template} {expected}", **stated, low=low, high=high)
     return value
 
 

@@ -223,8 +223,8 @@ def _doubling(before: Cells, basis: Cells) -> Repair:
         bridge = f"{_count(len(add), 'cell')} as a bridge, then {split}"
         detail, done = f"Add {bridge}", f"added {bridge}"
     elif drop:
-        rest = f"{_count(len(drop), 'cell')}, then split each remaining cell into 2×2×2 cells"
-        detail, done = f"Remove {rest}", f"removed {rest}"
+        removal = f"{_count(len(drop), 'cell')}, then split each remaining cell into 2×2×2 cells"
+        detail, done = f"Remove {removal}", f"removed {removal}"
     outcome = (
         f". This makes {8 * len(basis)} modules of half the size, and there is always a path "
         "through them."

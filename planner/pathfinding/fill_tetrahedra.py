@@ -93,14 +93,14 @@ def _feasibility(shape: Shape) -> Feasibility:
         return Feasibility(feasible=True)
     loose = shape.cells[labels != np.argmax(np.bincount(labels))]
     cells = tuples(loose)
-    others = "cell" if len(cells) == 1 else f"{len(cells)} cells"
+    loose_text = "cell" if len(cells) == 1 else f"{len(cells)} cells"
     return Feasibility(
         feasible=False,
         problems=(disconnected(shape.cells, labels),),
         repairs=(
             Repair(
-                detail=f"Keep the largest part and remove the other {others}.",
-                done=f"kept the largest part and removed the other {others}.",
+                detail=f"Keep the largest part and remove the other {loose_text}.",
+                done=f"kept the largest part and removed the other {loose_text}.",
                 drop=cells,
             ),
         ),

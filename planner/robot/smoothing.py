@@ -300,7 +300,7 @@ class _Smoothing:
             The steps among which there may be more.
         """
         module = self.chain.module
-        left: list[Ints] = []
+        unfinished: list[Ints] = []
         ends = np.flatnonzero(np.diff(ways, append=-1) != 1) + 1
         for run in np.split(ways, ends[:-1]) if len(ways) else ():
             for start in range(int(run[0]), int(run[-1]) + 1, SWEEP_STEPS):
@@ -312,8 +312,8 @@ class _Smoothing:
                 first, second = (max(0, module.joint_after(m)) for m in swept.modules)
                 hinges = module.hinges_per_joint
                 blamed[frame : frame + 2, first * hinges : second * hinges] = True
-                left.append(np.arange(start, stop))
-        return np.concatenate([np.zeros(0, dtype=np.int64), *left])
+                unfinished.append(np.arange(start, stop))
+        return np.concatenate([np.zeros(0, dtype=np.int64), *unfinished])
 
     def _measured(self, angles: Array) -> tuple[Array, Array]:
         """Return the (F − 1,) lengths of all steps, rad, and their (F − 1,) costs without torque.

@@ -9,7 +9,7 @@ import numpy as np
 
 from foldback.planner.certificate.certificate import Certificate
 from foldback.planner.certificate.figures import RobotFigures
-from foldback.planner.certificate.swept_motions import others
+from foldback.planner.certificate.swept_motions import motions_of_other_robots
 from foldback.planner.clearance.exempt_pairs import Place
 from foldback.planner.clearance.sweep import clearance_at
 from foldback.planner.motion.motion import Motion
@@ -56,7 +56,7 @@ class ReportedFigures:
                 "There is no record.npz, so the figures of the explosion were not compared."
             )
         robots = len(stated.get("robots") or [None]) + ("mujoco_robot" in stated)
-        if self.playback and 1 + len(others(self.playback)) < robots:
+        if self.playback and 1 + len(motions_of_other_robots(self.playback)) < robots:
             unchecked |= {"exempt_pairs", "max_angle_rad"}
             loose = [n for n in loose if n not in ("in_betweens", "robots", "mujoco_robot")]
             notes.append(

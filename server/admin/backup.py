@@ -78,7 +78,7 @@ def back_up(settings: Settings, directory: Path) -> Manifest:
         StorageError: If the object store does not answer.
         OSError: If a file cannot be read or written.
     """
-    if schema_of(settings).found is None:
+    if schema_of(settings).version is None:
         raise AdminError(
             f"got an empty database for the data directory {settings.root}, expected "
             "rows to back up; check FOLDBACK_DATA_DIR and FOLDBACK_DATABASE_URL."
@@ -86,7 +86,7 @@ def back_up(settings: Settings, directory: Path) -> Manifest:
     _make_empty(directory)
     created_at = time.time()
     with consistent_view(settings.store_url) as connection:
-        schema = Schema.of(connection).found
+        schema = Schema.of(connection).version
         if schema is None or restored_number(connection) is not None:
             raise AdminError(
                 "got a service with an unfinished restore; finish it with `foldback admin list`."
@@ -251,7 +251,7 @@ def _read(directory: Path) -> Manifest:
             f"got no {MANIFEST} in {directory}, expected a complete backup; create one with "
             "`foldback admin backup`."
         ) from None
-    known_versions = Schema.of(None).known
+    known_versions = Schema.of(None).known_versions
     if manifest.schema not in known_versions:
         raise AdminError(
             f"got a backup with rows of version {manifest.schema}, expected at most "

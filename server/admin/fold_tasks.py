@@ -46,8 +46,8 @@ class AdminTasks:
         schema = schema_of(settings)
         if schema.missing:
             raise AdminError(
-                f"got a database of version {schema.found}, expected {schema.head}; run `foldback "
-                "admin migrate`, or use the foldback version that wrote them."
+                f"got a database of version {schema.version}, expected {schema.head}; run "
+                "`foldback admin migrate`, or use the foldback version that wrote it."
             )
         self._store = Store(settings)
 

@@ -88,7 +88,7 @@ def post_fold(
     )
     return Accepted(
         id=receipt.row.id,
-        owner_token=claim.token if receipt.own else None,
+        owner_token=claim.token if receipt.is_own else None,
         existing=receipt.existing,
         links=Links.of(receipt.row.id),
     )

@@ -220,7 +220,7 @@ async def asking(request: Request, context: Context) -> AsyncGenerator[Asker]:
 
     watching = asyncio.create_task(watch())
     try:
-        yield Asker(visitor=context.visitor(request), gone=disconnected.is_set)
+        yield Asker(visitor=context.visitor(request), has_disconnected=disconnected.is_set)
     finally:
         watching.cancel()
 

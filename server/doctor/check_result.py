@@ -19,35 +19,35 @@ class CheckResult:
     Attributes:
         name: Name of the check, which ``examine`` adds.
         verdict: ``ok``; ``warning``; ``problem`` if the service cannot work.
-        found: Short description of the finding.
+        finding: Short description of the finding.
         remedy: Advice for solving it; None if there is no problem.
     """
 
     name: str = ""
     verdict: Verdict
-    found: str
+    finding: str
     remedy: str | None = None
 
     @property
     def line(self) -> str:
         """Finding and remedy in one line."""
-        words = f"{self.verdict:<8} {self.name}: {self.found}"
+        words = f"{self.verdict:<8} {self.name}: {self.finding}"
         return words if self.remedy is None else f"{words}. {self.remedy}"
 
 
 def ok(text: str) -> CheckResult:
     """Return the result of a successful check."""
-    return CheckResult(verdict="ok", found=text)
+    return CheckResult(verdict="ok", finding=text)
 
 
 def warning(text: str, remedy: str) -> CheckResult:
     """Return the result of a failed check without which the service still works."""
-    return CheckResult(verdict="warning", found=text, remedy=remedy)
+    return CheckResult(verdict="warning", finding=text, remedy=remedy)
 
 
 def problem(text: str, remedy: str) -> CheckResult:
     """Return the result of a failed check without which the service cannot work."""
-    return CheckResult(verdict="problem", found=text, remedy=remedy)
+    return CheckResult(verdict="problem", finding=text, remedy=remedy)
 
 
 def examine(checks: Sequence[tuple[str, Check]], settings: Settings) -> list[CheckResult]:

@@ -99,13 +99,13 @@ def database(settings: Settings) -> CheckResult:
 def _schema(url: str, connection: sa.Connection) -> CheckResult:
     schema = Schema.of(connection)
     ahead_s = _ahead_s(connection, schema)
-    text = f"{_shown(url)}, version {schema.found}"
+    text = f"{_shown(url)}, version {schema.version}"
     if schema.newer:
         return problem(
             f"{text}, from a newer foldback; this foldback supports versions up to {schema.head}",
             "Install the newer version again, or restore an older backup.",
         )
-    if schema.found is None:
+    if schema.version is None:
         return ok(f"{_shown(url)}, empty; it will be set up")
     if schema.missing:
         return warning(
@@ -157,7 +157,7 @@ def _ahead_s(connection: sa.Connection, schema: Schema) -> float:
     if connection.dialect.name == "postgresql":
         database_s = connection.scalar(sa.text("SELECT extract(epoch FROM clock_timestamp())"))
         return abs(float(database_s) - time.time())
-    if schema.found is None:
+    if schema.version is None:
         return 0.0
     newest = connection.scalar(sa.text("SELECT max(created_at) FROM folds"))
     return max(0.0, float(newest or 0.0) - time.time())

@@ -41,5 +41,5 @@ def examined(fields: Mapping[str, Any]) -> list[CheckResult]:
         settings = Settings(**{name: value for name, value in fields.items() if value is not None})
     except ValidationError as error:
         fault = settings_words(error)
-        return [CheckResult(name="settings", verdict="problem", found=fault, remedy=REMEDY)]
+        return [CheckResult(name="settings", verdict="problem", finding=fault, remedy=REMEDY)]
     return examine(CHECKS, settings)

@@ -47,11 +47,11 @@ class Asker:
 
     Attributes:
         visitor: Pseudonym of the visitor.
-        gone: Polled; returns True if it has disconnected.
+        has_disconnected: Polled; returns True if it has disconnected.
     """
 
     visitor: str
-    gone: Callable[[], bool] = lambda: False
+    has_disconnected: Callable[[], bool] = lambda: False
 
 
 class PreviewReports:
@@ -135,7 +135,7 @@ class PreviewReports:
         finally:
             self._previews.keep_report(place, foreign=foreign)
         stored_report = read_report(place)
-        if stored_report is None and asker.gone():
+        if stored_report is None and asker.has_disconnected():
             raise Unavailable("gone", "The preview was cancelled, because its client disconnected.")
         if stored_report is None:
             raise NoSuchPreviewError(preview_id)
@@ -181,7 +181,7 @@ class PreviewReports:
             TooSlow: If it takes too long.
         """
         try:
-            self._reader.call(task, place, visitor=asker.visitor, cancelled=asker.gone)
+            self._reader.call(task, place, visitor=asker.visitor, cancelled=asker.has_disconnected)
         except ChildError as error:
             raise _problem(error, self._settings.preview_seconds, place) from None
 

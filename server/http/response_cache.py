@@ -37,7 +37,7 @@ class _Answer:
     fold_id: str
     headers: dict[str, str]
     body: bytes
-    known: dict[str, Any]
+    scope_entries: dict[str, Any]
     """Entries of the scope that access log and metrics read, such as the route."""
 
 
@@ -82,7 +82,7 @@ class ResponseCache:
         key = (scope["scheme"], fields.get("host", ""), scope["path"], scope["query_string"])
         stored = self._answers.get(key)
         if stored is not None and self._clock() < stored.until:
-            scope.update(stored.known)
+            scope.update(stored.scope_entries)
             tag = stored.headers.get("etag")
             is_same = tag is not None and fields.get("if-none-match") == tag
             body, status = (b"", 304) if is_same else (stored.body, 200)
@@ -123,7 +123,7 @@ class ResponseCache:
             fold_id=fold_id,
             headers=headers,
             body=body,
-            known={name: scope[name] for name in ("route", "path_params") if name in scope},
+            scope_entries={name: scope[name] for name in ("route", "path_params") if name in scope},
         )
 
     def _forget(self, fold_id: str | None) -> None:

@@ -122,8 +122,8 @@ class GalleryFilter:
     status: str = ""
     world: str = ""
     words: str = ""
-    least: int | None = None
-    most: int | None = None
+    min_modules: int | None = None
+    max_modules: int | None = None
 
     @classmethod
     def of(cls, query: Mapping[str, str]) -> GalleryFilter:
@@ -143,8 +143,8 @@ class GalleryFilter:
             status=one_of("status", CARD_STATUS_LABELS),
             world=one_of("world", WORLD_LABELS),
             words=" ".join(query.get("q", "")[:100].split()),
-            least=int(smallest) if re.fullmatch(r"\d{1,6}", smallest) else None,
-            most=int(largest) if re.fullmatch(r"\d{1,6}", largest) else None,
+            min_modules=int(smallest) if re.fullmatch(r"\d{1,6}", smallest) else None,
+            max_modules=int(largest) if re.fullmatch(r"\d{1,6}", largest) else None,
         )
 
     def lets(self, card: CardFacts) -> bool:
@@ -154,8 +154,8 @@ class GalleryFilter:
             and (not self.kind or self.kind in card.kinds)
             and self.status in ("", card.status)
             and self.world in ("", card.world)
-            and (self.least is None or card.modules >= self.least)
-            and (self.most is None or card.modules <= self.most)
+            and (self.min_modules is None or card.modules >= self.min_modules)
+            and (self.max_modules is None or card.modules <= self.max_modules)
             and all(f" {word}" in f" {card.words}" for word in self.words.lower().split())
         )
 

@@ -190,7 +190,7 @@ class Store:
 
     def _told(self, kind: type[TourRow | ValuesRow], fold_id: str) -> dict[str, Any] | None:
         row = self.get(kind, fold_id)
-        return None if row is None else row.told
+        return None if row is None else row.content
 
     def list_public(self, limit: int = 100) -> Sequence[FoldRow]:
         """Return the gallery folds that are not cancelled, newest first."""

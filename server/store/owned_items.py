@@ -105,7 +105,7 @@ def write_beside(
         if note is None:
             session.execute(sa.delete(kind).where(kind.fold_id == fold_id))
         else:
-            session.merge(kind(fold_id=fold_id, told=note))
+            session.merge(kind(fold_id=fold_id, content=note))
         return True
 
 

@@ -61,7 +61,7 @@ class PreviewSize:
         id: Id of the preview.
         visitor: Visitor that sent the upload.
         seen_at: Time of the last access, s since 1970.
-        own: Size of the upload and of the reports that its visitor requested, bytes.
+        own_bytes: Size of the upload and of the reports that its visitor requested, bytes.
         foreign: Size of the reports that others requested, bytes.
         protected: True if a sweep must not delete it.
     """
@@ -69,7 +69,7 @@ class PreviewSize:
     id: str
     visitor: str
     seen_at: float
-    own: int
+    own_bytes: int
     foreign: int = 0
     protected: bool = False
 
@@ -302,7 +302,7 @@ class Previews:
                     id=row.id,
                     visitor=row.visitor,
                     seen_at=row.seen_at,
-                    own=row.bytes + int(of_visitor),
+                    own_bytes=row.bytes + int(of_visitor),
                     foreign=int(of_others),
                     protected=being_read and unread[row.visitor] <= MAX_PROTECTED_UPLOADS,
                 )
@@ -363,14 +363,14 @@ def superfluous(
     sizes: Counter[str] = Counter()
     counts: Counter[str] = Counter()
     for preview in oldest_first:
-        sizes[preview.visitor] += preview.own
+        sizes[preview.visitor] += preview.own_bytes
         counts[preview.visitor] += 1
     deleted: list[PreviewSize] = []
     kept_sizes: dict[str, list[PreviewSize]] = {}
 
     def go(preview: PreviewSize) -> None:
         deleted.append(preview)
-        sizes[preview.visitor] -= preview.own
+        sizes[preview.visitor] -= preview.own_bytes
         counts[preview.visitor] -= 1
 
     for preview in oldest_first:
@@ -382,13 +382,13 @@ def superfluous(
             kept_sizes.setdefault(preview.visitor, []).append(preview)
     total = sum(map(len, kept_sizes.values()))
     total_bytes = sum(
-        size.own + size.foreign for previews in kept_sizes.values() for size in previews
+        size.own_bytes + size.foreign for previews in kept_sizes.values() for size in previews
     )
     while kept_sizes and (total_bytes > settings.previews_bytes or total > settings.most_previews):
         weights = sizes if total_bytes > settings.previews_bytes else counts
         heaviest = max(kept_sizes, key=lambda name: weights[name])
         oldest = kept_sizes[heaviest].pop(0)
-        total_bytes, total = total_bytes - oldest.own - oldest.foreign, total - 1
+        total_bytes, total = total_bytes - oldest.own_bytes - oldest.foreign, total - 1
         go(oldest)
         if not kept_sizes[heaviest]:
             del kept_sizes[heaviest]

@@ -217,7 +217,7 @@ class TourRow(Base):
     fold_id: Mapped[str] = mapped_column(
         sa.ForeignKey("folds.id", ondelete="CASCADE"), primary_key=True
     )
-    told: Mapped[dict[str, Any]] = mapped_column("tour")
+    content: Mapped[dict[str, Any]] = mapped_column("tour")
 
 
 class ValuesRow(Base):
@@ -228,7 +228,7 @@ class ValuesRow(Base):
     fold_id: Mapped[str] = mapped_column(
         sa.ForeignKey("folds.id", ondelete="CASCADE"), primary_key=True
     )
-    told: Mapped[dict[str, Any]]
+    content: Mapped[dict[str, Any]] = mapped_column("told")
 
 
 class PreviewRow(Base):

@@ -27,12 +27,12 @@ class Schema:
     """Versions of the database's schema.
 
     Attributes:
-        found: Version of the database's schema; None if the database is empty.
-        known: Versions that this foldback knows, oldest first.
+        version: Version of the database's schema; None if the database is empty.
+        known_versions: Versions that this foldback knows, oldest first.
     """
 
-    found: str | None
-    known: tuple[str, ...]
+    version: str | None
+    known_versions: tuple[str, ...]
 
     @classmethod
     def of(cls, connection: sa.Connection | None) -> Schema:
@@ -47,24 +47,26 @@ class Schema:
         revision = None
         if connection is not None:
             revision = MigrationContext.configure(connection).get_current_revision()
-        return cls(found=revision, known=known_versions())
+        return cls(version=revision, known_versions=known_versions())
 
     @property
     def head(self) -> str:
         """Newest known version."""
-        return self.known[-1]
+        return self.known_versions[-1]
 
     @property
     def newer(self) -> bool:
         """True if a newer foldback wrote the database."""
-        return self.found is not None and self.found not in self.known
+        return self.version is not None and self.version not in self.known_versions
 
     @property
     def missing(self) -> tuple[str, ...]:
         """Versions to which the database has not been migrated yet, oldest first."""
-        if self.found is None:
-            return self.known
-        return () if self.newer else self.known[self.known.index(self.found) + 1 :]
+        if self.version is None:
+            return self.known_versions
+        return (
+            () if self.newer else self.known_versions[self.known_versions.index(self.version) + 1 :]
+        )
 
     def check(self) -> None:
         """Refuse a database that a newer foldback wrote.
@@ -74,7 +76,7 @@ class Schema:
         """
         if self.newer:
             raise NewerSchemaError(
-                f"got a database of version {self.found}, expected {self.head} at "
+                f"got a database of version {self.version}, expected {self.head} at "
                 f"most. A newer foldback than this one ({version('foldback')}) wrote the database. "
                 "Install the newer version again, or restore an older backup."
             )

@@ -76,10 +76,10 @@ class Submission:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Receipt:
-    """Result of a submission; ``own`` is True if the fold belongs to its submitter."""
+    """Result of a submission; ``is_own`` is True if the fold belongs to its submitter."""
 
     row: FoldRow
-    own: bool
+    is_own: bool
     existing: bool
 
 
@@ -126,7 +126,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
             "Another request for the same fold arrived first, but that fold has just ended; send "
             "the request again.",
         )
-    return Receipt(row=row, own=True, existing=False)
+    return Receipt(row=row, is_own=True, existing=False)
 
 
 def _row(submission: Submission, chain: dict[str, Any]) -> FoldRow:
@@ -169,7 +169,7 @@ def _known(context: Context, submission: Submission) -> Receipt | None:
     row = context.store.ask(key, submission.owner)
     if row is None:
         return None
-    return Receipt(row=row, own=submission.owner.owns(row.owner), existing=True)
+    return Receipt(row=row, is_own=submission.owner.owns(row.owner), existing=True)
 
 
 def _check_room(context: Context, visitor: str) -> None:

@@ -171,7 +171,7 @@ def test_newest_frame_is_followed_until_another_is_chosen(growing: Growing) -> N
         live.pause()
         writer.close()
         live(Progress(stage="export", fraction=1.0, directory=str(path.parent)))
-        wait_until(lambda: live._moments is live._whole)
+        wait_until(lambda: live._moments is live._finished_plan)
         live.play()  # the fold is finished: from the first frame
         assert live.frame == 0
         # A report with a directory that has no timeline is ignored.

@@ -42,7 +42,7 @@ class TimelineViews:
         self._opening: weakref.WeakValueDictionary[str, threading.Lock] = (
             weakref.WeakValueDictionary()
         )
-        self._kept: OrderedDict[str, TimelineView] = OrderedDict()
+        self._recent: OrderedDict[str, TimelineView] = OrderedDict()
 
     def get(self, timeline: Path) -> TimelineView | None:
         """Return the view of a timeline, or None when there is none yet.
@@ -75,10 +75,10 @@ class TimelineViews:
 
     def _keep(self, key: str, view: TimelineView) -> None:
         with self._lock:
-            self._kept[key] = view
-            self._kept.move_to_end(key)
-            held_bytes = sum(kept_view.nbytes for kept_view in self._kept.values())
-            while len(self._kept) > 1 and (
-                len(self._kept) > 512 or held_bytes > MAX_VIEW_CACHE_BYTES
+            self._recent[key] = view
+            self._recent.move_to_end(key)
+            held_bytes = sum(kept_view.nbytes for kept_view in self._recent.values())
+            while len(self._recent) > 1 and (
+                len(self._recent) > 512 or held_bytes > MAX_VIEW_CACHE_BYTES
             ):
-                held_bytes -= self._kept.popitem(last=False)[1].nbytes
+                held_bytes -= self._recent.popitem(last=False)[1].nbytes

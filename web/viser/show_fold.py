@@ -37,7 +37,7 @@ class Live(Shown):
         """Start the server without a fold; ``show.live`` calls this."""
         self._views = TimelineViews()
         self._directory: FilePath | None = None
-        self._whole: MotionSource | None = None
+        self._finished_plan: MotionSource | None = None
         self._with_table = False
         super().__init__(
             self._newest,
@@ -62,12 +62,12 @@ class Live(Shown):
             )
         directory = FilePath(progress.directory)
         if progress.stage == LAST_STAGE and progress.fraction >= 1.0:
-            motion = self._whole
+            motion = self._finished_plan
             with suppress(TimelineError):  # nothing can be shown, but the fold goes on
                 timeline = Timeline.open(result_path(directory, TIMELINE))
                 motion = MotionMoments(timeline.chain, timeline.motion(), timeline.id)
             with self._lock:  # so that heading and frames change together
-                self._whole, self._directory, self._with_table = (
+                self._finished_plan, self._directory, self._with_table = (
                     motion,
                     None,
                     is_on_table(directory),
@@ -78,7 +78,7 @@ class Live(Shown):
             return
         with self._lock:
             if directory != self._directory:
-                self._directory, self._whole, self._with_table = (
+                self._directory, self._finished_plan, self._with_table = (
                     directory,
                     None,
                     is_on_table(directory),
@@ -88,11 +88,11 @@ class Live(Shown):
 
     @property
     def _growing(self) -> bool:
-        return self._whole is None  # also between two attempts
+        return self._finished_plan is None  # also between two attempts
 
     def _newest(self) -> MotionSource | None:
-        if self._whole is not None or self._directory is None:
-            return self._whole
+        if self._finished_plan is not None or self._directory is None:
+            return self._finished_plan
         return self._views.get(result_path(self._directory, TIMELINE))
 
 

@@ -73,8 +73,8 @@ def test_each_fault_is_seen_in_the_joint_error(folded: Folded) -> None:
 
 
 def test_all_errors_of_robots_are_tried() -> None:
-    others = {"robots", "motor_limit", "servo_give", "damping_s", "engine"}
-    assert {field.name for field in fields(RobotParameters)} == others | ERRORS.keys(), (
+    own_settings = {"robots", "motor_limit", "servo_give", "damping_s", "engine"}
+    assert {field.name for field in fields(RobotParameters)} == own_settings | ERRORS.keys(), (
         "add a value of the new error to tests/planner/robot_errors.py"
     )
 

@@ -36,7 +36,7 @@ def check_finding(check_result: CheckResult, verdict: str, *words: str) -> None:
     """Check the verdict, the text and the remedy of a finding."""
     assert check_result.verdict == verdict, check_result
     for word in words:
-        assert word in f"{check_result.found} {check_result.remedy}"
+        assert word in f"{check_result.finding} {check_result.remedy}"
 
 
 @pytest.mark.long
@@ -176,7 +176,7 @@ def test_limit_of_open_files_is_judged(tmp_path: Path, monkeypatch: pytest.Monke
     for limit, verdict in ((200, "problem"), (512, "warning"), (4096, "ok")):
         monkeypatch.setattr(resource, "getrlimit", lambda _, limit=limit: (64, limit))
         check_result = machine.files(settings(tmp_path))
-        assert (check_result.verdict, f"the limit is {limit}" in check_result.found) == (
+        assert (check_result.verdict, f"the limit is {limit}" in check_result.finding) == (
             verdict,
             True,
         )
@@ -264,7 +264,7 @@ def test_missing_or_poor_encoder_is_a_warning(
         monkeypatch.setenv(name, value)
     check_result = drawing.encoder(settings(tmp_path))
     assert check_result.verdict == "warning" and "apt install ffmpeg" in (check_result.remedy or "")
-    assert check_result.found.startswith("movies can only be GIF files: no ffmpeg is on PATH")
+    assert check_result.finding.startswith("movies can only be GIF files: no ffmpeg is on PATH")
 
 
 @pytest.mark.processes

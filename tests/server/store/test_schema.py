@@ -109,7 +109,7 @@ def test_newer_database_is_refused_and_unchanged(
     with pytest.raises(NewerSchemaError, match="version 0099, expected .* at most. A newer"):
         migrate(engine)
     with engine.connect() as connection:
-        assert Schema.of(connection).found == "0099"
+        assert Schema.of(connection).version == "0099"
         assert Schema.of(connection).newer
     engine.dispose()
     with pytest.raises(SystemExit) as ended:
