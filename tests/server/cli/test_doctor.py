@@ -75,7 +75,7 @@ def test_failed_check_does_not_stop_the_others(tmp_path: Path) -> None:
 
     first, second = examine([("broken", broken), ("clock", machine.clock)], settings(tmp_path))
     assert (first.verdict, first.name) == ("problem", "broken")
-    assert "boom" in first.found
+    assert "boom" in first.finding
     assert second.verdict == "ok"
 
 
@@ -136,7 +136,7 @@ def test_missing_and_damaged_databases_are_reported(tmp_path: Path, postgres: Po
     database = data.database(settings(tmp_path, database_url=changed))
     assert database.verdict == "problem" and "geheim" not in database.line
     missing = data.database(settings(tmp_path, database_url=f"{url}x"))
-    assert missing.verdict == "problem" and "does not exist" in missing.found
+    assert missing.verdict == "problem" and "does not exist" in missing.finding
 
 
 def test_schema_behind_or_ahead_is_reported(tmp_path: Path) -> None:
@@ -209,7 +209,7 @@ def test_missing_opengl_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setenv("__EGL_VENDOR_LIBRARY_DIRS", str(tmp_path))  # a driver that does not exist
     check_finding(drawing.gl(settings(tmp_path)), "warning", "be made: egl: ", "apt-get install")
     monkeypatch.setenv(GL_SETTING, "off")
-    assert "switched off" in drawing.gl(settings(tmp_path)).found
+    assert "switched off" in drawing.gl(settings(tmp_path)).finding
 
 
 @pytest.mark.processes

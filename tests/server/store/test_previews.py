@@ -100,7 +100,7 @@ def site_with(tmp_path: Path) -> Iterator[SiteWith]:
 
 
 def size(name: str, seen_at: float, mib: int, visitor: str) -> PreviewSize:
-    return PreviewSize(id=name, seen_at=seen_at, own=mib * MIB, visitor=visitor)
+    return PreviewSize(id=name, seen_at=seen_at, own_bytes=mib * MIB, visitor=visitor)
 
 
 def deleted(settings: Settings, sizes: list[PreviewSize], now: float) -> list[str]:
@@ -147,7 +147,7 @@ def test_reports_of_strangers_leave_the_uploader_its_own(
         site.report(preview_id, 1000, "another")
     site.report(preview_id, 1001)
     (stored,) = site.previews._sizes()
-    assert stored.own < 64 * 1024 < maximum * 4096 <= stored.foreign
+    assert stored.own_bytes < 64 * 1024 < maximum * 4096 <= stored.foreign
 
 
 def test_reports_that_fail_count_once(site_with: SiteWith) -> None:
@@ -176,7 +176,7 @@ def test_sweep_deletes_expired_previews_and_measures_no_files(
     site = site_with(database_url=each_settings.database_url, preview_keep_s=1000.0)
     old, new = site.add(), site.add()
     monkeypatch.setattr(previews_module, "blocks_of", None)
-    assert all(stored.own >= 4096 for stored in site.previews._sizes())  # a file of two bytes
+    assert all(stored.own_bytes >= 4096 for stored in site.previews._sizes())  # a file of two bytes
     site.age(old, 1001.0)
     site.previews.sweep()
     assert site.names == {new}
