@@ -335,7 +335,7 @@ def test_unfinished_restore_is_finished_by_the_next_command(
         assert halfway.exit_code == 1 and "not in place yet (disk: " in halfway.stderr
         assert "disk cannot be used" in small.run("list").stderr
     assert "unfinished restore" in small.run("backup", tmp_path / "other").stderr
-    assert "unfinished restore" in database(small.settings).found
+    assert "unfinished restore" in database(small.settings).finding
     assert not (tmp_path / "other" / MANIFEST).exists()
     (number,) = small.staged()
     assert [row["id"] for row in json.loads(small.run("list", "--json").stdout)] == ["first"]

@@ -271,7 +271,7 @@ def test_missing_or_poor_encoder_is_a_warning(
 def test_core_that_does_not_suit_the_processor_is_a_problem(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert drawing.core(settings(tmp_path)).found == "the compiled core computes"
+    assert drawing.core(settings(tmp_path)).finding == "the compiled core computes"
     crash = "import os, signal\nos.kill(os.getpid(), signal.SIGILL)"
     (tmp_path / "sitecustomize.py").write_text(crash)
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")

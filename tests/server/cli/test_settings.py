@@ -72,7 +72,7 @@ def test_bad_value_is_reported_in_a_line(
     assert words in line and "unset it" in line and "secret" not in line
     (finding,) = examined({})
     assert (finding.name, finding.verdict) == ("settings", "problem")
-    assert words in finding.found and finding.remedy
+    assert words in finding.finding and finding.remedy
 
 
 @pytest.mark.usefixtures("process_state")
@@ -104,7 +104,7 @@ def test_unknown_setting_is_reported_with_a_suggestion(
     words = "FOLDBACK_ORIGIN is not a setting and is ignored; did you mean FOLDBACK_ORIGINS?"
     assert caplog.messages == [words]
     variables = machine.variables(Settings())
-    assert (variables.verdict, variables.found) == ("warning", words)
+    assert (variables.verdict, variables.finding) == ("warning", words)
     assert variables.remedy
 
 

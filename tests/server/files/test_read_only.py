@@ -103,7 +103,7 @@ def test_readiness_and_doctor_on_read_only_disk_say_why(stored: tuple[ServiceThr
     ready = service.http.get("/ready")
     assert (ready.status_code, ready.json()["reasons"][0]) == (503, WORDS)
     settings = Settings(data_dir=service.data_dir)
-    assert WORDS[:-1] in directory(settings).found
+    assert WORDS[:-1] in directory(settings).finding
     assert database(settings).verdict == "ok"
 
 
