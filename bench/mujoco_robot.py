@@ -54,7 +54,7 @@ def _row(name: str, data: bytes, reference_seconds: float) -> dict[str, Any]:
         if path is None:
             return {"shape": name, "modules": len(chain), "MuJoCo": "takes too long"}
         run = Run(path, [0, 0])
-        run.simulate(None, silent, never)
+        run.simulate(silent, never)
         runs.append(run)
         seconds.append(processor_seconds() - began_s)
     own_run, in_mujoco = runs

@@ -36,10 +36,13 @@ from foldback.planner.core.structures import (
     PairLimits,
     Pairs,
     ReducedState,
+    RobotBody,
     RobotServos,
+    RobotStates,
     Schedule,
     SegmentLayout,
     ServoTarget,
+    ServoTargets,
     Shape,
     Solid,
     StepLimits,
@@ -96,6 +99,9 @@ close to the smallest clearance seen; after it any positive bound will do. Decis
 MAX_PAIRS_PER_MODULE: Final[int]
 """Mean number of near pairs per moving module above which an interval of large motion between two
 frames is halved before its pairs are checked. Decision 0012."""
+MAX_SERVO_PASSES: Final[int]
+"""Maximum number of times that a step of a robot is computed: motors found beyond their limit in
+one pass give the limit in the next."""
 MIN_CELL_POINTS: Final[int]
 """Number of points from which on near pairs are searched in cells; for fewer, a walk along the
 chain is as fast. Measured."""
@@ -285,6 +291,29 @@ def remove_net_momentum(
         centre: (3,) centre of mass to restore.
         state: State of the chain; the root's part is changed.
         modules: Poses and velocities of all modules; changed.
+    """
+
+def robot_steps(
+    robot: RobotBody,
+    targets: ServoTargets,
+    noise: Array,
+    state: ReducedState,
+    modules: ModuleStates,
+    out: RobotStates,
+) -> int:
+    """Make steps of a robot until modules touch or a hinge is at its stop.
+
+    Args:
+        robot: The robot, a free chain.
+        targets: S setpoints for the ends of the steps.
+        noise: (S, J) noise of the encoders, in rad.
+        state: Changed.
+        modules: Poses and velocities of all modules; changed.
+        out: Written: the states after the steps that were made.
+
+    Returns:
+        The number of steps that were made: S, or the one before which the loop ended. The next one
+        is not finite, or needs contacts or stops.
     """
 
 def write_wxyzs(rotations: Array, selected: Ints, out: Array) -> None:

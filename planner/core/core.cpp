@@ -19,6 +19,7 @@ void bind_motion_bounds(nanobind::module_ &);
 void bind_pairs(nanobind::module_ &);
 void bind_path_annealing(nanobind::module_ &);
 void bind_pictures(nanobind::module_ &);
+void bind_robot_steps(nanobind::module_ &);
 void bind_segment_state(nanobind::module_ &);
 void bind_servo_step(nanobind::module_ &);
 void bind_smoothing(nanobind::module_ &);
@@ -50,6 +51,7 @@ NB_MODULE(_core, m) {
   foldback::bind_pairs(m);
   foldback::bind_path_annealing(m);
   foldback::bind_pictures(m);
+  foldback::bind_robot_steps(m);
   foldback::bind_segment_state(m);
   foldback::bind_servo_step(m);
   foldback::bind_smoothing(m);

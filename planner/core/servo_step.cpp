@@ -1,8 +1,8 @@
-// One step of a robot: the torques of its servos, and the integration of its state.
+#include "servo_step.hpp"
+
 #include <algorithm>
 #include <cmath>
 
-#include "articulated_bindings.hpp"
 #include "kinematics.hpp"
 
 namespace foldback {
@@ -12,31 +12,6 @@ constexpr double FRICTION_SPEED_RAD_S = 2e-3;
 // Minimum joint speed, rad/s, by which the dry friction torque is divided to express it as viscous
 // damping: it avoids a division by zero at rest.
 constexpr double MIN_SPEED_RAD_S = 1e-12;
-
-// The named tuples `RobotServos`, `ServoTarget` and `ReducedState` of Python.
-struct RobotServos {
-  View<const double, 1> offsets, friction;
-  double encoder_rad, stiffness, damping, expected_friction;
-};
-struct ServoTarget {
-  View<const double, 1> q, qd, feedforward;
-};
-struct ReducedState {
-  View<double, 1> q, qd, position;
-  View<double, 2> rotation;
-  View<double, 1> velocity, angular_velocity;
-};
-
-static auto fields(RobotServos &s) {
-  return std::tie(s.offsets, s.friction, s.encoder_rad, s.stiffness, s.damping,
-                  s.expected_friction);
-}
-static auto fields(ServoTarget &t) { return std::tie(t.q, t.qd, t.feedforward); }
-static auto fields(ReducedState &s) {
-  return std::tie(s.q, s.qd, s.position, s.rotation, s.velocity, s.angular_velocity);
-}
-
-namespace {
 
 void require_state(const ReducedState &state, const ChainModel &model,
                    const ModuleStates &modules) {
@@ -50,15 +25,11 @@ void require_state(const ReducedState &state, const ChainModel &model,
   require(state.rotation.shape() == std::array<Index, 2>{3, 3}, "state.rotation: (3, 3)");
 }
 
-// Torques of servos as if the present angles were those at the end of the step:
 // τ = kp (q* − q_measured − h q̇) + kv (q̇* − q̇) + τ_feedforward + τ_friction.
-void servo_torques(View<const double, 1> q, View<const double, 1> qd, ServoTarget target,
-                   View<const double, 1> noise, RobotServos servos, double step_s,
-                   View<double, 1> commanded, View<double, 1> friction_damping) {
-  for (const auto &array : {qd, target.q, target.qd, target.feedforward, noise, servos.offsets,
-                            servos.friction, View<const double, 1>(commanded),
-                            View<const double, 1>(friction_damping)})
-    require(array.size() == q.size(), "all arrays: (J,)");
+void write_servo_torques(View<const double, 1> q, View<const double, 1> qd,
+                         const ServoTarget &target, View<const double, 1> noise,
+                         const RobotServos &servos, double step_s, View<double, 1> commanded,
+                         View<double, 1> friction_damping) {
   for (Index j = 0; j < q.size(); ++j) {
     double measured = q[j] + noise[j];
     if (servos.encoder_rad > 0.0) {
@@ -74,6 +45,8 @@ void servo_torques(View<const double, 1> q, View<const double, 1> qd, ServoTarge
                    servos.expected_friction * std::tanh(target.qd[j] / FRICTION_SPEED_RAD_S);
   }
 }
+
+namespace {
 
 // Write poses and velocities of all modules of a state.
 void write_modules_of(const ReducedState &state, const ChainModel &model,
@@ -104,13 +77,11 @@ Matrix<double> integrated_rotation(const Vector<double> &omega, double seconds) 
            twice * x * z - once * y, twice * y * z + once * x, 1.0 - twice * (x * x + y * y)}};
 }
 
-// Integrate by semi-implicit Euler: q̇ ← q̇ + h q̈, q ← q + h q̇; hinges halt at their stops.
-bool advance(ReducedState state, AccelerationViews accelerations, double step_s, double stop_rad,
-             ChainModel model, ModuleStates modules) {
-  require_state(state, model, modules);
-  require(accelerations.qdd.size() == state.q.size(), "accelerations.qdd: (J,)");
-  require(accelerations.root.size() == 6, "accelerations.root: (6,)");
-  nanobind::gil_scoped_release release;
+}  // namespace
+
+// q̇ ← q̇ + h q̈, q ← q + h q̇.
+bool integrate(const ReducedState &state, const AccelerationViews &accelerations, double step_s,
+               double stop_rad, const ChainModel &model, const ModuleStates &modules) {
   bool is_finite = true;
   for (Index j = 0; j < state.q.size(); ++j) {
     state.qd[j] += step_s * accelerations.qdd[j];
@@ -133,6 +104,8 @@ bool advance(ReducedState state, AccelerationViews accelerations, double step_s,
   write_modules_of(state, model, modules);
   return is_finite;
 }
+
+namespace {
 
 // Motion of a rigid body of the same shape, momentum and angular momentum as a chain, in the world
 // frame.
@@ -200,12 +173,10 @@ RigidMotion equivalent_rigid_motion(const ChainModel &model, const ModuleStates 
   return rigid;
 }
 
-// Remove momentum and angular momentum of a free chain, and restore its centre of mass.
-void remove_net_momentum(ChainModel model, View<const double, 1> centre, ReducedState state,
-                         ModuleStates modules) {
-  require_state(state, model, modules);
-  require(centre.size() == 3, "centre: (3,)");
-  nanobind::gil_scoped_release release;
+}  // namespace
+
+void remove_momentum(const ChainModel &model, View<const double, 1> centre,
+                     const ReducedState &state, const ModuleStates &modules) {
   Index root = model.root;
   RigidMotion rigid = equivalent_rigid_motion(model, modules);
   Vector<double> shift = load(centre.data()) - rigid.centre;
@@ -228,21 +199,48 @@ void remove_net_momentum(ChainModel model, View<const double, 1> centre, Reduced
   }
 }
 
-}  // namespace
-
 void bind_servo_step(nanobind::module_ &m) {
   namespace nb = nanobind;
-  m.def("servo_torques", servo_torques, nb::arg("q"), nb::arg("qd"), nb::arg("target"),
-        nb::arg("noise"), nb::arg("servos"), nb::arg("step_s"), nb::arg("commanded"),
-        nb::arg("friction_damping"),
-        "Write the torques of servos as if the present angles were those at the end of the step.");
-  m.def("advance", advance, nb::arg("state"), nb::arg("accelerations"), nb::arg("step_s"),
-        nb::arg("stop_rad"), nb::arg("model"), nb::arg("modules"),
-        "Integrate by semi-implicit Euler; hinges halt at their stops.\n\n"
-        "Returns True if all hinge angles are finite.");
-  m.def("remove_net_momentum", remove_net_momentum, nb::arg("model"), nb::arg("centre"),
-        nb::arg("state"), nb::arg("modules"),
-        "Remove momentum and angular momentum of a free chain, and restore its centre of mass.");
+  m.def(
+      "servo_torques",
+      [](View<const double, 1> q, View<const double, 1> qd, ServoTarget target,
+         View<const double, 1> noise, RobotServos servos, double step_s,
+         View<double, 1> commanded, View<double, 1> friction_damping) {
+        for (const auto &array : {qd, target.q, target.qd, target.feedforward, noise,
+                                  servos.offsets, servos.friction,
+                                  View<const double, 1>(commanded),
+                                  View<const double, 1>(friction_damping)})
+          require(array.size() == q.size(), "all arrays: (J,)");
+        write_servo_torques(q, qd, target, noise, servos, step_s, commanded, friction_damping);
+      },
+      nb::arg("q"), nb::arg("qd"), nb::arg("target"), nb::arg("noise"), nb::arg("servos"),
+      nb::arg("step_s"), nb::arg("commanded"), nb::arg("friction_damping"),
+      "Write the torques of servos as if the present angles were those at the end of the step.");
+  m.def(
+      "advance",
+      [](ReducedState state, AccelerationViews accelerations, double step_s, double stop_rad,
+         ChainModel model, ModuleStates modules) {
+        require_state(state, model, modules);
+        require(accelerations.qdd.size() == state.q.size(), "accelerations.qdd: (J,)");
+        require(accelerations.root.size() == 6, "accelerations.root: (6,)");
+        nb::gil_scoped_release release;
+        return integrate(state, accelerations, step_s, stop_rad, model, modules);
+      },
+      nb::arg("state"), nb::arg("accelerations"), nb::arg("step_s"), nb::arg("stop_rad"),
+      nb::arg("model"), nb::arg("modules"),
+      "Integrate by semi-implicit Euler; hinges halt at their stops.\n\n"
+      "Returns True if all hinge angles are finite.");
+  m.def(
+      "remove_net_momentum",
+      [](ChainModel model, View<const double, 1> centre, ReducedState state,
+         ModuleStates modules) {
+        require_state(state, model, modules);
+        require(centre.size() == 3, "centre: (3,)");
+        nb::gil_scoped_release release;
+        remove_momentum(model, centre, state, modules);
+      },
+      nb::arg("model"), nb::arg("centre"), nb::arg("state"), nb::arg("modules"),
+      "Remove momentum and angular momentum of a free chain, and restore its centre of mass.");
 }
 
 }  // namespace foldback

@@ -245,6 +245,7 @@ class RobotServos(NamedTuple):
         stiffness: kp, torque per rad.
         damping: kv, torque per rad/s.
         expected_friction: Dry friction that the servos compensate.
+        limit: Largest torque of a motor.
     """
 
     offsets: Array
@@ -253,6 +254,7 @@ class RobotServos(NamedTuple):
     stiffness: float
     damping: float
     expected_friction: float
+    limit: float
 
 
 class ServoTarget(NamedTuple):
@@ -266,6 +268,68 @@ class ServoTarget(NamedTuple):
     q: Array
     qd: Array
     feedforward: Array
+
+
+class ServoTargets(NamedTuple):
+    """Setpoints of J servos for the ends of S steps.
+
+    Attributes:
+        q, qd: (S, J) hinge angles and rates.
+        feedforward: (S, J) torques that a robot without errors needs for them.
+    """
+
+    q: Array
+    qd: Array
+    feedforward: Array
+
+
+class RobotBody(NamedTuple):
+    """A robot of which all hinges are simulated.
+
+    Attributes:
+        model: Inertial parameters of its chain.
+        servos: Its servos.
+        hull: Full-size hull of a module.
+        size: Scale of the hull for contacts.
+        centre: (3,) centre of mass, which stays where it is, in pitches.
+        step_s: Time step h.
+        stop_rad: Angle of the stops, either way.
+    """
+
+    model: ChainModel
+    servos: RobotServos
+    hull: Hull
+    size: float
+    centre: Array
+    step_s: float
+    stop_rad: float
+
+
+class RobotStates(NamedTuple):
+    """States of a robot after each of S steps, see ``ReducedState``.
+
+    Attributes:
+        q, qd: (S, J) hinge angles and rates.
+        position, rotation: (S, 3), (S, 3, 3) pose of the root.
+        torques: (S, J) torques of the motors in each step.
+    """
+
+    q: Array
+    qd: Array
+    position: Array
+    rotation: Array
+    torques: Array
+
+    @classmethod
+    def empty(cls, steps: int, hinges: int) -> RobotStates:
+        """Return uninitialised arrays for a number of steps and hinges."""
+        return cls(
+            np.empty((steps, hinges)),
+            np.empty((steps, hinges)),
+            np.empty((steps, 3)),
+            np.empty((steps, 3, 3)),
+            np.empty((steps, hinges)),
+        )
 
 
 class SegmentLayout(NamedTuple):

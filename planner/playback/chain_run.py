@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
@@ -13,14 +12,15 @@ from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.rotations import aligned_distances
 from foldback.planner.errors import SimulationError
-from foldback.planner.motion.angle_encoding import quantised
 from foldback.planner.motion.motion import Motion, Phase
 from foldback.planner.playback.controllers import build_plant
+from foldback.planner.playback.frame_recorder import FrameRecorder, RecordedFrame
 from foldback.planner.playback.reference_trajectory import ReferenceTrajectory
 from foldback.planner.playback.setpoints import Setpoints, Target
 from foldback.planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
 from foldback.planner.reasons import Reason
 from foldback.planner.reasons import ReasonCode as Code
+from foldback.planner.simulation.robot import Robot
 
 PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
 FRAME_MOVE_PITCH: Final = 0.2
@@ -34,16 +34,6 @@ recorded even if the chain hardly moves. Measured from 8 to 17: the same clearan
 GOAL_TOLERANCE_PITCH: Final = 0.1
 """Maximum position error at the end of a simulated playback that counts as folded: RMS distance of
 the modules from the goal shape, pitches, aligned with it if the chain is free."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _LastFrame:
-    """State of the last recorded frame."""
-
-    step: int
-    target: Target
-    angles: Array
-    centres: Array
 
 
 class PlaybackRun:
@@ -129,48 +119,53 @@ class Run(PlaybackRun):
     Args:
         trajectory: Reference and time scalings.
         seed: Seed of the robot's model errors.
+        sink: Receives the frames as they are made; None if nobody follows.
     """
 
-    def __init__(self, trajectory: ReferenceTrajectory, seed: list[int]) -> None:
+    def __init__(
+        self,
+        trajectory: ReferenceTrajectory,
+        seed: list[int],
+        sink: Callable[[Motion], None] | None = None,
+    ) -> None:
         super().__init__(trajectory.chain, trajectory.step_s)
         self.trajectory = trajectory
         self.finer = trajectory.finer
-        self.motions: list[Motion] = []
-        self.references: list[Array] = []
         self.rest_frames: list[int] = []
         self.plant, self.drive = build_plant(trajectory, seed)
         self.plant.place(*trajectory.begins)
-        self.at_rest = trajectory.unfolding is not None or trajectory.parameters.controller in (
-            "robot",
-            "computed-torque",
+        self.drifts = not isinstance(self.plant, Robot) and (
+            trajectory.unfolding is not None
+            or trajectory.parameters.controller in ("robot", "computed-torque")
         )
-        """True if momentum that integration adds is removed: large steps add some."""
-        self._last: _LastFrame | None = None
+        """True if momentum that integration adds is to be removed: large steps add some. Robots
+        remove it themselves."""
+        self._recorder = FrameRecorder(trajectory.start_s, self.step_s, sink)
+        self._last_centres = np.zeros((0, 3))
 
     @property
     def frames(self) -> Motion:
         """Recorded frames."""
-        return Motion.joined(self.motions)
+        return self._recorder.motion
 
     @property
     def reference_rad(self) -> Array:
         """(F, J) planned angles at the recorded frames, in whole steps."""
-        return quantised(np.array(self.references))
+        return self._recorder.reference_rad
 
-    def simulate(
-        self, sink: Callable[[Motion], None] | None, progress: Report, cancelled: Cancelled
-    ) -> None:
+    def simulate(self, progress: Report, cancelled: Cancelled) -> None:
         """Fold; set ``status`` and ``reason`` to the result."""
-        self.status, self.reason = self._simulated(sink, progress, cancelled)
+        self.status, self.reason = self._simulated(progress, cancelled)
+        self._recorder.flush()
         error = self.final_error()
         if self.status == "folded" and error > GOAL_TOLERANCE_PITCH:
             self.status = "missed"
             self.reason = Reason.of(Code.MISSED, error=error)
 
     def _simulated(
-        self, sink: Callable[[Motion], None] | None, progress: Report, cancelled: Cancelled
+        self, progress: Report, cancelled: Cancelled
     ) -> tuple[PlaybackStatus, Reason | None]:
-        plant = self.plant
+        plant, recorder = self.plant, self._recorder
         parts: list[tuple[Phase, Setpoints]] = [(p, make()) for p, make in self.trajectory.parts]
         most_steps = self.trajectory.parameters.max_steps
         target = None
@@ -186,28 +181,28 @@ class Run(PlaybackRun):
                     if part + 1 < len(parts):
                         # The first frame of the next part is here, where this one has ended.
                         part, first_step = part + 1, self.steps
-                        self._last = None
+                        recorder.last = None
                         continue
-                    self._keep(phase, angles, target, sink)
+                    self._keep(phase, angles, target)
                     if phase in self.trajectory.resting:
-                        self.rest_frames.append(len(self.motions) - 1)
+                        self.rest_frames.append(len(recorder) - 1)
                     return "folded", None
                 target = following
                 errors = np.abs(target.angles - angles)
                 self.largest_error = max(self.largest_error, float(errors.max()))
                 if self.largest_error > self.trajectory.lost_rad:
-                    self._keep(phase, angles, target, sink)
+                    self._keep(phase, angles, target)
                     return "missed", self.lost(0, errors, target.fraction)
                 if self._is_due(angles, target, phase):
-                    begins = self._last is None
-                    self._keep(phase, angles, target, sink)
+                    begins = recorder.last is None
+                    self._keep(phase, angles, target)
                     # Of a refold, the straight chain is the end of one part and begins the other.
                     resting = {parts[part][0], parts[max(0, part - 1)][0]} & self.trajectory.resting
                     if target.rests or (begins and resting):
-                        self.rest_frames.append(len(self.motions) - 1)
+                        self.rest_frames.append(len(recorder) - 1)
                 self.drive(target)
                 plant.end_step()
-                if self.at_rest:
+                if self.drifts:
                     plant.stop_drifting()
                 self.count_step(plant.motor_torques)
                 fraction = (part + target.fraction) / len(parts)
@@ -229,7 +224,7 @@ class Run(PlaybackRun):
 
         With several robots the target alone decides: all keep frames at the same steps.
         """
-        last, turn, way = self._last, 0.01 / self.finer, FRAME_MOVE_PITCH / self.finer
+        last, turn, way = self._recorder.last, 0.01 / self.finer, FRAME_MOVE_PITCH / self.finer
         if last is None or target.rests or self.steps - last.step >= MAX_FRAME_STEPS:
             return True
         turned = float(np.abs(target.angles - last.target.angles).max())
@@ -240,38 +235,32 @@ class Run(PlaybackRun):
         if self.trajectory.robots > 1:
             distance = abs(target.gone_rad - last.target.gone_rad)
             return distance >= way * self.trajectory.parameters.distance_weight
-        moved = self.plant.centres - last.centres
+        moved = self.plant.centres - self._last_centres
         return bool(np.abs(angles - last.angles).max() >= turn) or bool(
             (moved**2).sum(axis=1).max() >= way * way
         )
 
-    def _keep(
-        self,
-        phase: Phase,
-        angles: Array,
-        target: Target,
-        sink: Callable[[Motion], None] | None,
-    ) -> None:
-        frame = Motion.from_frames(
-            phase=phase,
-            time_s=np.array([self.trajectory.start_s + self.steps * self.step_s]),
-            joint_angles_rad=angles[None],
-            root_position=self.plant.root_position[None],
-            root_wxyz=self.plant.root_wxyz[None],
-            joint_error_rad=np.abs(target.angles - angles)[None],
+    def _keep(self, phase: Phase, angles: Array, target: Target) -> None:
+        plant = self.plant
+        self._recorder.append(
+            RecordedFrame(
+                phase=phase,
+                step=self.steps,
+                target=target,
+                angles=angles,
+                root_position=plant.root_position,
+                root_wxyz=plant.root_wxyz,
+            )
         )
-        self.motions.append(frame)
-        self._last = _LastFrame(self.steps, target, angles, self.plant.centres)
-        self.references.append(target.angles.copy())
-        if sink is not None:
-            sink(frame)
+        if self.trajectory.robots == 1:
+            self._last_centres = plant.centres
 
     def final_error(self) -> float:
         """Return the RMS distance of the modules from the folded shape, pitches, aligned."""
         # A simulation that broke off leaves no numbers; its last sound frame counts.
         angles = self.plant.angles
         if not np.isfinite(angles).all():
-            angles = self.motions[-1].joint_angles_rad[-1]
+            angles = self.frames.joint_angles_rad[-1]
         return self.distance_to_goal(angles)
 
     def bent_wrong(self) -> int:

@@ -43,7 +43,7 @@ def build_plant(
             seed=seed,
             step_s=step_s,
         )
-        return robot, lambda target: drive_robot(robot, target, step_s)
+        return robot, lambda target: drive_robot(robot, target)
     motors = None
     if p.controller != "computed-torque":
         motors = Servos(stiffness=p.stiffness, damping=p.stiffness / p.motor_gain)
@@ -63,11 +63,10 @@ def build_plant(
     return tree, lambda target: tree.set_servo_targets(target.angles)
 
 
-def drive_robot(robot: Robot, target: Target, step_s: float) -> None:
-    """Send a robot's servos on, in the coming step, from a target to the next one."""
-    assert target.torques is not None
-    rates = target.rates + step_s * target.accelerations
-    robot.follow(target.angles + step_s * rates, rates, target.torques)
+def drive_robot(robot: Robot, target: Target) -> None:
+    """Send a robot's servos on, in the coming steps, from a target to the next one."""
+    if target.setpoints is not None:
+        robot.follow(target.setpoints)
 
 
 def drive_in_mujoco(robot: MujocoRobot, target: Target) -> None:

@@ -61,10 +61,10 @@ def simulate_robots(
             run.simulate(report, stopped)
         elif in_mujoco is not None and number == trajectory.robots:
             run = Run(in_mujoco, [seed, 0])
-            run.simulate(None, report, stopped)
+            run.simulate(report, stopped)
         else:
-            run = Run(trajectory, [seed, number])
-            run.simulate(sink, report, stopped)
+            run = Run(trajectory, [seed, number], sink)
+            run.simulate(report, stopped)
         return run
 
     robots = trajectory.robots

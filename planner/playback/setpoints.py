@@ -11,6 +11,7 @@ import numpy as np
 from foldback.planner.arrays import FRAMES_AT_ONCE, Array
 from foldback.planner.chain.floating_torques import floating_torques
 from foldback.planner.chain.module import Module
+from foldback.planner.core.structures import ServoTargets
 from foldback.planner.playback.reference_curve import Reference
 from foldback.planner.playback.time_scaling import TimeScaling, smooth_scaling
 from foldback.planner.simulation.mujoco_robot import Substeps
@@ -33,7 +34,8 @@ class Target:
         angles, rates, accelerations: (J,) angles, rad, and their derivatives, rad/s and rad/s².
         fraction: Progress of the playback, 0 to 1.
         gone_rad: Arc length of the reference up to there, rad, see ``record_lengths``; 0 without.
-        torques: (J,) torques that a robot without model errors needs; None if not computed.
+        setpoints: Setpoints of a robot for the ends of this step and of those after it; None if
+            they are among those of an earlier target, or no robot follows.
         rests: True at a rest between two turns.
         substeps: Parts of the step for a robot in MuJoCo; None for others.
     """
@@ -43,7 +45,7 @@ class Target:
     accelerations: Array
     fraction: float
     gone_rad: float = 0.0
-    torques: Array | None = None
+    setpoints: ServoTargets | None = None
     rests: bool = False
     substeps: Substeps | None = None
 
@@ -104,23 +106,34 @@ def _timed_motion(
 def _timed_targets(
     reference: Reference, scaling: TimeScaling, torques: Array | None
 ) -> Iterator[Target]:
-    at, rests = 0, frozenset(scaling.rests)
+    at, rests, step_s = 0, frozenset(scaling.rests), scaling.step_s
     for angles, rates, accelerations in _timed_motion(reference, scaling):
-        for k in range(len(angles)):
+        steps, setpoints = len(angles), None
+        if torques is not None:
+            ends_rates = rates + step_s * accelerations
+            setpoints = ServoTargets(
+                angles + step_s * ends_rates, ends_rates, torques[at : at + steps]
+            )
+        for k in range(steps):
             yield Target(
                 angles=angles[k],
                 rates=rates[k],
                 accelerations=accelerations[k],
                 fraction=at / len(scaling),
                 gone_rad=float(scaling.u[at]) * reference.length_rad,
-                torques=None if torques is None else torques[at],
+                setpoints=setpoints if k == 0 else None,
                 rests=at in rests,
             )
             at += 1
-    end = reference.spline(np.rint(scaling.u[-1]))
-    gone_rad = float(scaling.u[-1]) * reference.length_rad
-    for _ in range(SETTLE_STEPS):
-        yield replace(_still(end, 1.0), gone_rad=gone_rad)
+    still = replace(
+        _still(reference.spline(np.rint(scaling.u[-1])), 1.0),
+        gone_rad=float(scaling.u[-1]) * reference.length_rad,
+    )
+    held = np.tile(still.angles, (SETTLE_STEPS, 1))
+    zero = np.zeros_like(held)
+    yield replace(still, setpoints=ServoTargets(held, zero, zero))
+    for _ in range(1, SETTLE_STEPS):
+        yield still
 
 
 class Backwards:
@@ -231,4 +244,4 @@ class _Ending:
 
 def _still(angles: Array, fraction: float) -> Target:
     zero = np.zeros_like(angles)
-    return Target(angles=angles, rates=zero, accelerations=zero, fraction=fraction, torques=zero)
+    return Target(angles=angles, rates=zero, accelerations=zero, fraction=fraction)

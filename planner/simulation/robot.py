@@ -18,13 +18,22 @@ import numpy as np
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
-from foldback.planner.core import advance, remove_net_momentum, servo_torques
+from foldback.planner.core import (
+    MAX_SERVO_PASSES,
+    advance,
+    remove_net_momentum,
+    robot_steps,
+    servo_torques,
+)
 from foldback.planner.core.structures import (
     Accelerations,
     Loads,
     ReducedState,
+    RobotBody,
     RobotServos,
+    RobotStates,
     ServoTarget,
+    ServoTargets,
 )
 from foldback.planner.errors import SimulationError
 from foldback.planner.parameters.playback import RobotParameters
@@ -74,11 +83,28 @@ class RobotErrors:
             return noisy
         return np.rint((noisy + self.offsets) / self.encoder_rad) * self.encoder_rad - self.offsets
 
+    def draw_noise(self, steps: int, hinges: int) -> Array:
+        """Draw the (S, H) noise of the encoders in coming steps, rad."""
+        return self._noise_rad * self._rng.standard_normal((steps, hinges))
+
+    def servos(self, hinges: slice) -> RobotServos:
+        """Return the servos of some hinges."""
+        return RobotServos(
+            self.offsets[hinges],
+            self.friction[hinges],
+            self.encoder_rad,
+            self.stiffness,
+            self.damping,
+            self.expected_friction,
+            self.limit,
+        )
+
     def drive(
         self,
         hinges: slice,
         state: State,
         target: ServoTarget,
+        noise: Array,
         step_s: float,
         accelerate: Callable[[Array, Array], Accelerations],
     ) -> tuple[Array, Accelerations]:
@@ -90,27 +116,26 @@ class RobotErrors:
             hinges: Slice of the state's hinges in the chain.
             state: Present state.
             target: Setpoint for the end of the step.
+            noise: (H,) noise of the encoders, rad.
             step_s: Time step, s.
             accelerate: Returns accelerations under (H,) rotor inertias and torques.
         """
         count = len(state.angles)
         commanded, friction_damping = np.empty(count), np.empty(count)
-        servos = RobotServos(
-            self.offsets[hinges],
-            self.friction[hinges],
-            self.encoder_rad,
-            self.stiffness,
-            self.damping,
-            self.expected_friction,
-        )
-        noise = self._noise_rad * self._rng.standard_normal(count)
         servo_torques(
-            state.angles, state.rates, target, noise, servos, step_s, commanded, friction_damping
+            state.angles,
+            state.rates,
+            target,
+            noise,
+            self.servos(hinges),
+            step_s,
+            commanded,
+            friction_damping,
         )
         rotor_inertia = step_s * step_s * self.stiffness + step_s * self.damping
         friction = -friction_damping * state.rates
         saturated = np.zeros(count)
-        remaining = 8
+        remaining = MAX_SERVO_PASSES
         while True:
             free, remaining = saturated == 0.0, remaining - 1
             motors = np.where(free, commanded, self.limit * saturated)
@@ -151,12 +176,13 @@ class ServoChain:
         """Return the contacts of the present state, in the world frame."""
         raise NotImplementedError
 
-    def _advance(self, hinges: slice, target: ServoTarget) -> Array:
+    def _advance(self, hinges: slice, target: ServoTarget, noise: Array) -> Array:
         """Integrate one step, and return the (H,) motor torques.
 
         Args:
             hinges: Slice of the simulated hinges in the chain.
             target: Setpoint for the end of the step.
+            noise: (H,) noise of the encoders, rad.
 
         Raises:
             SimulationError: The state is not finite.
@@ -169,7 +195,9 @@ class ServoChain:
                 state, Loads(torques, rotor_inertias, forces, torque), contacts
             )
 
-        torques, accelerations = self.errors.drive(hinges, state, target, self._step_s, accelerate)
+        torques, accelerations = self.errors.drive(
+            hinges, state, target, noise, self._step_s, accelerate
+        )
         if not advance(
             self._reduced,
             accelerations,
@@ -196,6 +224,9 @@ class ServoChain:
 class Robot(ServoChain):
     """Robot of which all hinges are simulated.
 
+    Steps without contacts and stops are made in one compiled loop, as far ahead as setpoints are
+    set; ``end_step`` goes on to the next of them.
+
     Args:
         chain: The chain.
         contacts: Finder of the contacts of all modules, which is copied, see ``robot_contacts``.
@@ -220,58 +251,120 @@ class Robot(ServoChain):
         model = build_chain_model(chain, root=chain.root, masses=errors.masses)
         self.engine = Engine(model, chain.module.angle_limit_rad)
         self._contacts = contacts.copy()
-        hinges = len(chain.folded_rad)
-        self._target = ServoTarget(np.zeros(hinges), np.zeros(hinges), np.zeros(hinges))
-        self.motor_torques = np.zeros(hinges)
-        """(J,) torques of the motors in the last step."""
+        self._hinges = slice(0, len(chain.folded_rad))
+        self.body: RobotBody
+        self._targets: ServoTargets
+        self._noise: Array
+        self._states: RobotStates  # before the steps that targets are set for, and after each
+        self._wxyzs: Array  # orientations of the root in these
+        self._present = self._steps = 0  # numbers of steps that are shown, and that are made
 
     @property
     def angles(self) -> Array:
-        """(J,) a copy of the hinge angles, rad."""
-        return self.state.angles.copy()
+        """(J,) hinge angles, rad."""
+        return self._states.q[self._present]
 
     @property
     def rates(self) -> Array:
-        """(J,) a copy of the hinge velocities, rad/s."""
-        return self.state.rates.copy()
+        """(J,) hinge velocities, rad/s."""
+        return self._states.qd[self._present]
+
+    @property
+    def motor_torques(self) -> Array:
+        """(J,) torques of the motors in the last step."""
+        return self._states.torques[self._present]
 
     @property
     def centres(self) -> Array:
         """(n, 3) centres of the modules relative to their mean, pitches."""
-        centres = self.engine.positions
+        centres = self.chain.poses(self.angles, self.root_position, self.root_wxyz).positions
         return centres - centres.mean(axis=0)
 
     @property
     def root_position(self) -> Array:
-        """(3,) a copy of the root's centre, pitches."""
-        return self.state.position.copy()
+        """(3,) the root's centre, pitches."""
+        return self._states.position[self._present]
 
     @property
     def root_wxyz(self) -> Array:
         """(4,) orientation of the root, w first."""
-        return wxyz_from_matrix(self.state.rotation)
+        return self._wxyzs[self._present]
 
     def place(self, angles: Array, root_position: Array, root_wxyz: Array) -> None:
         """Set a configuration at rest."""
+        engine = self.engine
         self.state = State.at_rest(angles, root_position, matrix_from_wxyz(root_wxyz))
-        self.engine.place(self.state)
-        self._centre = self.engine.centre_of_mass
+        engine.place(self.state)
+        self._centre = engine.centre_of_mass
+        self.body = RobotBody(
+            engine.chain_model,
+            self.errors.servos(self._hinges),
+            self.chain.module.hull,
+            self._contacts.geom_size,
+            self._centre,
+            self._step_s,
+            engine.stop_rad,
+        )
+        self._begin(0)
 
     def begin_step(self) -> None:
         """Do nothing: poses are those of the present state at any time."""
 
-    def follow(self, angles: Array, rates: Array, torques: Array) -> None:
-        """Set the setpoint of the servos for the end of the coming step.
+    def follow(self, targets: ServoTargets) -> None:
+        """Set the setpoints of the servos for the ends of the coming S steps.
 
-        Args:
-            angles, rates: (J,) hinge angles, rad, and rates, rad/s.
-            torques: (J,) torques that a robot without model errors needs.
+        Those set before must have been followed.
         """
-        self._target = ServoTarget(angles, rates, torques)
+        steps, hinges = targets.q.shape
+        self._targets, self._noise = targets, self.errors.draw_noise(steps, hinges)
+        self._begin(steps)
 
     def end_step(self) -> None:
-        """Integrate one step; raise ``SimulationError`` if the state is not finite."""
-        self.motor_torques = self._advance(slice(0, len(self.state.angles)), self._target)
+        """Go on by one step; raise ``SimulationError`` if the state is not finite."""
+        if self._present == self._steps:
+            self._simulate()
+        self._present += 1
+
+    def _begin(self, steps: int) -> None:
+        """Allocate the states of coming steps; the first one is the present state."""
+        self._states = RobotStates.empty(steps + 1, len(self.state.angles))
+        self._wxyzs = np.empty((steps + 1, 4))
+        self._present = self._steps = 0
+        self._write_state(np.zeros_like(self.state.angles))
+
+    def _write_state(self, torques: Array) -> None:
+        """Write the state after the last step, with the (J,) torques of the motors in it."""
+        state = self.state
+        values = (state.angles, state.rates, state.position, state.rotation, torques)
+        for states, value in zip(self._states, values, strict=True):
+            states[self._steps] = value
+        self._wxyzs[self._steps] = wxyz_from_matrix(state.rotation)
+
+    def _simulate(self) -> None:
+        """Make as many of the coming steps as have no contacts and stops, or else one step."""
+        k = self._steps
+        steps = robot_steps(
+            self.body,
+            ServoTargets(*(targets[k:] for targets in self._targets)),
+            self._noise[k:],
+            self._reduced,
+            self.engine.modules,
+            RobotStates(*(states[k + 1 :] for states in self._states)),
+        )
+        made = slice(k + 1, k + 1 + steps)
+        self._wxyzs[made] = wxyz_from_matrix(self._states.rotation[made])
+        self._steps += steps
+        if steps == 0:
+            self._simulate_step()
+
+    def _simulate_step(self) -> None:
+        """Make one step, with contacts and stops."""
+        k = self._steps
+        target = ServoTarget(*(targets[k] for targets in self._targets))
+        torques = self._advance(self._hinges, target, self._noise[k])
+        self.stop_drifting()
+        self._steps += 1
+        self._write_state(torques)
 
     def find_contacts(self) -> DetectedContacts | None:
         """Return the contacts of the present state, in the world frame."""

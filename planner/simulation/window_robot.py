@@ -184,7 +184,8 @@ class WindowRobot(ServoChain):
             SimulationError: The state is not finite.
         """
         target = ServoTarget(angles, rates, np.asarray(torques, dtype=np.float64))
-        motors = self._advance(self._hinges, target)
+        noise = self.errors.draw_noise(1, len(angles))[0]
+        motors = self._advance(self._hinges, target, noise)
         self.stop_drifting()
         return motors
 

@@ -32,7 +32,7 @@ def run_of(folded: Folded, robot: RobotParameters) -> Run:
     trajectory = mujoco_trajectory(trajectory_of(folded, robot))
     assert trajectory is not None
     run = Run(trajectory, [0, 0])
-    run.simulate(None, silent, never)
+    run.simulate(silent, never)
     return run
 
 

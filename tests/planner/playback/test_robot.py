@@ -7,14 +7,25 @@ import mujoco
 import numpy as np
 import pytest
 
+from foldback.planner.arrays import Array
 from foldback.planner.certificate.certificate import Certificate, certify
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import CUBE, TETRAHEDRON
+from foldback.planner.core import robot_steps
+from foldback.planner.core.structures import (
+    ModuleStates,
+    ReducedState,
+    RobotStates,
+    ServoTargets,
+)
+from foldback.planner.errors import SimulationError
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.parameters.playback import PlaybackParameters, RobotParameters
 from foldback.planner.playback.playback import Playback, play_back
 from foldback.planner.simulation.contact_finder import robot_contacts
+from foldback.planner.simulation.engine import build_chain_model
 from foldback.planner.simulation.robot import Robot
-from tests.planner.chains import coil, line
+from tests.planner.chains import coil, line, unvalidated
 from tests.planner.conftest import Folded
 from tests.planner.mujoco_tree import tree_with
 from tests.planner.robot_errors import ERRORS, FAULTLESS
@@ -39,7 +50,7 @@ def test_step_agrees_with_a_mujoco_tree_of_the_same_masses(chain: Chain) -> None
     robot.place(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     target, rates = angles + 0.001 * rng.normal(size=hinges), 0.01 * rng.normal(size=hinges)
     torques = rng.normal(size=hinges)
-    robot.follow(target, rates, torques)
+    robot.follow(ServoTargets(target[None], rates[None], torques[None]))
     robot.end_step()
     h, stiffness = 0.08, robot.errors.limit / FAULTLESS.servo_give
     damping = stiffness * FAULTLESS.damping_s
@@ -59,6 +70,103 @@ def test_step_agrees_with_a_mujoco_tree_of_the_same_masses(chain: Chain) -> None
     np.testing.assert_allclose(
         robot.motor_torques, arguments, rtol=1e-6, atol=1e-6 * robot.errors.limit
     )
+
+
+class CountingRobot(Robot):
+    """Robot that counts its steps with contacts and stops."""
+
+    steps = 0
+
+    def _simulate_step(self) -> None:
+        self.steps += 1
+        super()._simulate_step()
+
+
+class SteppedRobot(CountingRobot):
+    """Robot that makes each step by itself, with MuJoCo's contacts."""
+
+    def _simulate(self) -> None:
+        self._simulate_step()
+
+
+def straight_robot(kind: type[Robot], chain: Chain, limit: float) -> Robot:
+    """Return a straight robot whose motors have a largest torque."""
+    contacts = robot_contacts(chain, geom_size=0.95, step_s=0.08)
+    contacts.allocate(len(chain))
+    parameters = RobotParameters(motor_limit=1.0)
+    robot = kind(chain, contacts, parameters, peak_torque=limit, seed=[3], step_s=0.08)
+    robot.place(np.zeros(len(chain.folded_rad)), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    return robot
+
+
+def targets_towards(goal: Array) -> ServoTargets:
+    """Return the targets of 60 steps from straight to a goal."""
+    angles = np.linspace(np.zeros_like(goal), goal, 60)
+    return ServoTargets(angles, np.gradient(angles, 0.08, axis=0), np.zeros_like(angles))
+
+
+BENT_TETRAHEDRA = unvalidated(TETRAHEDRON, np.full(6, 1.02 * TETRAHEDRON.angle_limit_rad))
+BENT_CUBES = unvalidated(CUBE, np.full(12, 1.02 * CUBE.angle_limit_rad))
+
+
+@pytest.mark.parametrize(
+    ("chain", "limit"),
+    [(coil(40), 2e3), (BENT_CUBES, 1e3), (BENT_TETRAHEDRA, 1e3)],
+    ids=["cubes that touch", "cubes at their stops", "tetrahedra at their stops"],
+)
+def test_steps_made_at_once_are_those_made_one_by_one(chain: Chain, limit: float) -> None:
+    at_once, stepped = (
+        straight_robot(kind, chain, limit) for kind in (CountingRobot, SteppedRobot)
+    )
+    targets = targets_towards(chain.folded_rad)
+    at_once.follow(targets)
+    stepped.follow(targets)
+    is_saturated = False
+    for _ in range(len(targets.q)):
+        at_once.end_step()
+        stepped.end_step()
+        for name in ("angles", "rates", "root_position", "root_wxyz", "motor_torques"):
+            np.testing.assert_array_equal(getattr(at_once, name), getattr(stepped, name), name)
+        is_saturated |= bool((np.abs(stepped.motor_torques) >= limit).any())
+    assert is_saturated
+    assert isinstance(at_once, CountingRobot)
+    assert 0 < at_once.steps < len(targets.q) - 10, "steps of both kinds"
+
+
+def test_states_that_are_not_finite_end_a_simulation() -> None:
+    robot = straight_robot(CountingRobot, coil(40), 1e3)
+    targets = targets_towards(robot.chain.folded_rad)
+    targets.feedforward[20] = np.nan
+    robot.follow(targets)
+    for _ in range(20):
+        robot.end_step()
+    with pytest.raises(SimulationError, match="infinite or undefined"):
+        robot.end_step()
+
+
+def test_wrong_calls_of_the_compiled_loop_are_errors() -> None:
+    robot = straight_robot(Robot, line(7), 1e3)
+    targets = targets_towards(robot.chain.folded_rad)
+    hinges, body = len(robot.angles), robot.body
+    state = ReducedState(
+        np.zeros(hinges), np.zeros(hinges), np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3)
+    )
+    states = RobotStates.empty(60, hinges)
+    right = (body, targets, np.zeros((60, hinges)), state, robot.engine.modules, states)
+    assert robot_steps(*right) == 60
+    for place, wrong in (
+        (0, body._replace(model=build_chain_model(line(5), root=2))),
+        (0, body._replace(size=0.0)),
+        (0, body._replace(centre=np.zeros(2))),
+        (0, body._replace(servos=body.servos._replace(offsets=np.zeros(hinges - 1)))),
+        (1, targets._replace(qd=np.zeros((59, hinges)))),
+        (2, np.zeros((60, hinges - 1))),
+        (3, state._replace(q=np.zeros(hinges - 1))),
+        (4, ModuleStates.empty(6)),
+        (5, RobotStates.empty(59, hinges)),
+    ):
+        with pytest.raises(ValueError, match=": "):
+            robot_steps(*(wrong if k == place else right[k] for k in range(6)))
 
 
 def test_each_fault_is_seen_in_the_joint_error(folded: Folded) -> None:
