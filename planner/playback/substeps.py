@@ -50,13 +50,13 @@ def divided_steps(
         parts = _parts_of(reference, scaling, module, counts)
         servos = np.abs(parts.torques + damping * parts.changes).max(axis=1)
         beyond = servos > MAX_SERVO_SHARE * limit
-        if not beyond.any() or counts.min() == MAX_SUBSTEPS:
+        if not beyond.any() or counts[:-1].min() == MAX_SUBSTEPS:
             break
         divisions += 1
         if divisions <= MAX_LOCAL_DIVISIONS:
             counts = _divided_around(counts, beyond)
         else:
-            counts = np.full_like(counts, 2 ** (divisions - MAX_LOCAL_DIVISIONS))
+            counts[:-1] = 2 ** (divisions - MAX_LOCAL_DIVISIONS)
     ends = np.cumsum(counts)
     return [
         Substeps(
@@ -81,7 +81,7 @@ class _Parts(NamedTuple):
 def _parts_of(reference: Reference, scaling: TimeScaling, module: Module, counts: Ints) -> _Parts:
     """Return the targets of steps that are divided into (S + 1,) numbers of parts."""
     steps_s = np.repeat(scaling.step_s / counts, counts)[:, None]
-    angles = reference.spline(_parameters(scaling.u, counts))
+    angles = reference.spline(_parameters(scaling, counts))
     rates = np.diff(angles, axis=0) / steps_s
     before = np.concatenate([np.zeros_like(rates[:1]), rates[:-1]])
     # Semi-implicit Euler follows these to the last digit, as in ``setpoints``.
@@ -109,20 +109,24 @@ def _divided_around(counts: Ints, beyond: Flags) -> Ints:
         np.maximum(around, finer[k], out=around)
     for k in range(len(finer) - 1, 0, -1):
         finer[k - 1] = max(finer[k - 1], finer[k] // 2)
+    finer[-1] = 1  # the motion stops in it, and the shorter, the harder
     return np.minimum(finer, MAX_SUBSTEPS)
 
 
-def _parameters(samples: Array, counts: Ints) -> Array:
+def _parameters(scaling: TimeScaling, counts: Ints) -> Array:
     """Return parameters of a curve at all parts of all steps, and at the end of the last one.
 
-    In a step they are a cubic, with the slopes of parabolas through each sample and its neighbours.
+    In a step they are a cubic, with the slopes of parabolas through each sample and its neighbours,
+    or at rest.
 
     Args:
-        samples: (S + 1,) parameters at the steps; the motion rests before and after them.
+        scaling: Time scaling of S steps along it, which rests at both ends.
         counts: (S + 1,) numbers of parts of the steps; the last step rests.
     """
+    samples = scaling.u
     u = np.concatenate([samples[:1], samples, samples[-1:], samples[-1:]])
     slopes = 0.5 * (u[2:] - u[:-2])
+    slopes[[0, *scaling.rests, len(scaling)]] = 0.0
     turns, first, last = np.diff(u[1:-1]), slopes[:-1], slopes[1:]
     of = np.repeat(np.arange(len(counts)), counts)
     s = (np.arange(len(of)) - (np.cumsum(counts) - counts)[of]) / counts[of]
