@@ -17,13 +17,6 @@ from itertools import permutations, product
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import (
-    breadth_first_order,
-    connected_components,
-    depth_first_order,
-    minimum_spanning_tree,
-)
 
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.errors import InputError
@@ -160,6 +153,14 @@ def _cells_of(blocks: Ints, walk: Ints) -> Ints:
 
 def _spanning_tree(blocks: Ints, rng: np.random.Generator, tree: Tree) -> tuple[Ints, Ints]:
     """Return the blocks with parents first, and the parent of each block."""
+    from scipy.sparse import csr_array  # late: most folds join no blocks
+    from scipy.sparse.csgraph import (
+        breadth_first_order,
+        connected_components,
+        depth_first_order,
+        minimum_spanning_tree,
+    )
+
     count = len(blocks)
     pairs = contacts(blocks)
     # Weights are above zero, which a sparse matrix needs; only a random tree looks at them.

@@ -16,8 +16,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
 from foldback.planner.arrays import Flags, Ints
 
@@ -98,6 +96,9 @@ def _needed(near: Ints, members: Ints) -> int:
 
 def _cut(near: Ints, coloured: Flags) -> Ints:
     """Return the cells of one colour on the source's side of a minimum cut."""
+    from scipy.sparse import csr_array  # late: most paths need no proof
+    from scipy.sparse.csgraph import breadth_first_order, maximum_flow
+
     n = len(near)
     sources, sinks = np.flatnonzero(coloured), np.flatnonzero(~coloured)
     rows, columns = np.nonzero(near[sources] >= 0)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from foldback.planner.arrays import Array, Flags, Ints
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.splines import BSpline
 from foldback.planner.clearance.sweep import sweep
 
 SPLINE_DEGREE: Final = 3
@@ -49,9 +51,9 @@ class Reference:
             it moves all the way.
     """
 
-    spline: Any
-    first: Any
-    second: Any
+    spline: BSpline
+    first: BSpline
+    second: Callable[[Array], Array]
     length_rad: float
     rests: Array | None = None
 
@@ -91,9 +93,7 @@ class Reference:
         # and what follows it within its joint errors.
         limit = chain.module.angle_limit_rad - JOINT_LIMIT_MARGIN_RAD
         np.clip(controls, -limit, limit, out=controls)
-        from scipy.interpolate import BSpline  # late: who reads a plan draws no curve
-
-        spline = BSpline(knots, controls, SPLINE_DEGREE)
+        spline = BSpline(knots, controls)
         first = spline.derivative()
         return cls(spline=spline, first=first, second=first.derivative(), length_rad=total)
 
@@ -136,12 +136,11 @@ def resting_reference(rests: Array) -> Reference:
     Args:
         rests: (R, J) configurations in the order of the playback.
     """
-    from scipy.interpolate import BSpline  # as above
-
+    rests = np.ascontiguousarray(rests, dtype=np.float64)
     lengths = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(rests, axis=0)).max(axis=1))])
     total = float(lengths[-1])
     at = lengths / total if total else np.linspace(0.0, 1.0, len(rests))
-    spline = BSpline(np.concatenate([at[:1], at, at[-1:]]), rests, 1)
+    spline = BSpline(np.concatenate([at[:1], at, at[-1:]]), rests)
     first = spline.derivative()
 
     def second(u: Array) -> Array:

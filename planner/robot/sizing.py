@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
-from typing import Any, Final, cast
+from typing import Any, Final
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from foldback.planner.chain.cantilever_statics import GRAVITY_M_S2
 from foldback.planner.errors import InputError
 from foldback.planner.robot.module_materials import Casing
 from foldback.planner.robot.servos import Servo, servos
+from foldback.planner.roots import find_root
 
 HINGES_PER_MODULE: Final = 2
 """Number of hinges of one cube, those of a universal joint; a module needs as many servo axes."""
@@ -179,8 +180,6 @@ def suitable_pitches(
     Raises:
         InputError: ``bad-sizing``.
     """
-    from scipy.optimize import brentq  # late: pages start without it
-
     _check(torque_wp, share, gravity_m_s2)
     gives = share * servo.stall_nm
 
@@ -188,9 +187,7 @@ def suitable_pitches(
         return torque_wp * _unit_nm(servo, casing, pitch_m, gravity_m_s2) - gives
 
     longest = PITCH_RANGE_M[1]
-    max_pitch_m = (
-        inf if lacks(longest) <= 0.0 else cast(float, brentq(lacks, 0.0, longest, xtol=1e-12))
-    )
+    max_pitch_m = inf if lacks(longest) <= 0.0 else find_root(lacks, 0.0, longest, tolerance=1e-12)
     return PitchRange(least_m=least_pitch_m(servo, casing), most_m=max_pitch_m)
 
 

@@ -12,8 +12,6 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import minimum_spanning_tree
 
 from foldback.planner.arrays import Flags, Ints
 from foldback.planner.shapes.bridges import parts_of
@@ -89,6 +87,9 @@ def _cycle(squares: Ints, rng: np.random.Generator) -> dict[Cell, Cell] | None:
 
     The tree is a comb, as far as the squares allow: rows along the first axis, joined at one side.
     """
+    from scipy.sparse import csr_array  # late: most folds have no layers
+    from scipy.sparse.csgraph import minimum_spanning_tree
+
     index = {(x, y): k for k, (x, y) in enumerate(squares.tolist())}
     spine = int(rng.choice([squares[:, 0].min(), squares[:, 0].max()]))
     rows: list[int] = []

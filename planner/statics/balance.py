@@ -15,7 +15,7 @@ Weights are 1 and lengths in pitches: torques are in w·p, the weight of a modul
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -26,8 +26,10 @@ from foldback.planner.chain.kinematics import Poses
 from foldback.planner.core import torque_columns
 from foldback.planner.core.structures import EQUATIONS, Hinges
 from foldback.planner.statics.contacts import FLOOR_GAP, MODULE_GAP, Contacts, contacts
-from foldback.planner.statics.equilibrium_lp import Columns, Program
 from foldback.planner.statics.friction import Friction, rays, wider, with_estimated_drift
+
+if TYPE_CHECKING:
+    from foldback.planner.statics.equilibrium_lp import Columns
 
 MIN_TORQUE_WP: Final = 0.01
 """Minimum torque of a hinge, in w·p (module weight × pitch), that differs from zero in the
@@ -96,6 +98,8 @@ class Balance:
         floor_gap: float = FLOOR_GAP,
         module_gap: float = MODULE_GAP,
     ) -> None:
+        from foldback.planner.statics.equilibrium_lp import Program  # late: it imports HiGHS
+
         self.chain = chain
         self.size = module_size
         self.floor_gap = floor_gap

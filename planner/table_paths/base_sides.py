@@ -8,7 +8,6 @@ from itertools import product
 from typing import Final
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from foldback.planner.arrays import Array, Ints
 
@@ -97,6 +96,8 @@ def images(cells: Ints) -> Iterator[Ints]:
 
 def support(floor: Ints) -> Array:
     """Return the (E, 3) edges of the floor cells' hull: a, b, c; a x + b y + c ≤ 0 inside."""
+    from scipy.spatial import ConvexHull  # late: most folds need no table
+
     corners = (floor[:, None, :2] + np.array(list(product((-0.5, 0.5), repeat=2)))).reshape(-1, 2)
     return np.asarray(ConvexHull(corners).equations, dtype=np.float64)
 
