@@ -49,12 +49,11 @@ define install
 @rm -rf $(VENV)/uv
 endef
 
-# Compiles changed files of the core, with the tools that .[dev] installs, or those of an environment
-# that pip makes for it.
+# Compiles changed files of the core, with the tools that are there if none is missing.
 define rebuild
 @echo "Building the core …"
-@$(PIP_INSTALL) --no-deps --no-build-isolation --editable . 2>/dev/null \
-	|| $(PIP_INSTALL) --no-deps --editable .
+@$(PIP_INSTALL) --no-deps --editable . $$($(BIN)/python -c "import build_backend; \
+	print('' if build_backend.get_requires_for_build_editable() else '--no-build-isolation')" 2>/dev/null)
 endef
 
 $(RUNS): pyproject.toml constraints.txt $(CORE)
