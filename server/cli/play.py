@@ -33,10 +33,9 @@ from foldback.planner.storage.file_names import CERTIFICATE, FIGURES, PLAN_TEXT,
 from foldback.planner.storage.files import json_of
 from foldback.planner.storage.plain_values import from_plain
 from foldback.planner.verification.stored_fold import check_fold
-from foldback.server.api import player_data as timelines
 from foldback.server.files.artifacts import Artifacts
 from foldback.server.http.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
-from foldback.server.pages import fold, share, static
+from foldback.server.pages import fold, player_data, share, static
 from foldback.server.store.fold_source import LocatedFold
 from foldback.server.viewing.fold_lookup import Viewing
 from foldback.server.viewing.frame_waits import FrameWaits
@@ -141,7 +140,7 @@ def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
 
     app.include_router(fold.router)
     app.include_router(static.router)
-    app.include_router(timelines.router)
+    app.include_router(player_data.router)
     app.include_router(share.router)
     app.add_middleware(SameOrigin)
     app.add_middleware(AllowedHosts, hosts=hosts_of(host))

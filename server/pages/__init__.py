@@ -1,1 +1,1 @@
-"""Pages: one file for each page, and the facts about folds that pages show."""
+"""Pages: one file for each page, and the data and facts about folds that pages show."""

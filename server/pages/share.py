@@ -19,12 +19,12 @@ from foldback.planner.parameters.parameters import FLOATING
 from foldback.planner.pipeline.fold_layout import result_path
 from foldback.planner.storage.file_names import PLAN, TIMELINE
 from foldback.planner.verification.integrity import check
-from foldback.server.api.player_data import view_page
 from foldback.server.errors import Conflict
 from foldback.server.http.client_address import address_of
 from foldback.server.http.downloads import download
 from foldback.server.pages.facts import FoldFacts, fold_facts, script_facts
 from foldback.server.pages.page import page, policy_of_pages, rendered, script_json
+from foldback.server.pages.player_data import view_page
 from foldback.server.pages.problem_page import no_such_page
 from foldback.server.store.fold_files import NoSuchFoldError
 from foldback.server.store.fold_source import FoldSource, LocatedFold

@@ -11,8 +11,8 @@ import pytest
 
 from foldback.planner.chain.chain import Chain
 from foldback.planner.motion.timeline import TimelineWriter
-from foldback.server.api import player_data as frame_routes
 from foldback.server.jobs.eta import EtaEstimator
+from foldback.server.pages import player_data as frame_routes
 from foldback.server.store.schema import FoldRow
 from foldback.server.viewing import fold_states
 from foldback.web.timeline.view import TimelineView
