@@ -107,7 +107,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
         asyncio.get_running_loop().set_default_executor(FairThreads())
         context = await asyncio.to_thread(Context.open, settings, metrics)
-        if settings.finished_folds and not settings.read_only:
+        if settings.shipped_folds and not settings.read_only:
             await asyncio.to_thread(import_shipped_folds, settings, context.store, context.gallery)
         app.state.context = context
         stats = app.state.stats = Stats(settings, context.leases)

@@ -115,7 +115,7 @@ class Settings(BaseSettings):
     prewarm: bool = True
     """Load the libraries of computing processes at start. `false` saves about 200 MB of memory
     until the first upload and the first fold, which then take one or two seconds longer."""
-    finished_folds: bool = True
+    shipped_folds: bool = True
     """Add the package's finished folds to a new database. Folds that were deleted are not added
     again."""
     lease_s: PositiveFloat = 15.0

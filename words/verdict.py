@@ -108,6 +108,6 @@ def preset_of(row: ShownFold) -> str:
 
 def origin_of(summary: FoldSummary) -> str | None:
     """Return the origin of a fold that came with the package; None for any other."""
-    if (included := summary.get("included")) is None:
+    if (shipped := summary.get("shipped")) is None:
         return None
-    return f"Included with foldback, computed with version {included['version']}"
+    return f"Included with foldback, computed with version {shipped['version']}"

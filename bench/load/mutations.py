@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from foldback.planner.readers.formats import READABLE_SUFFIXES
-from tests.planner.shapes.test_readers_fuzz import FILES, SPICE, WALK, mutate
+from tests.planner.readers.test_fuzz import FILES, SPICE, WALK, mutate
 from tests.planner.solids_made import zipped
 
 NAMES: Final = (

@@ -58,7 +58,7 @@ def kiosk(reference_seconds: float) -> Section:
 def _played(minutes: float) -> Section:
     section = Section(name="kiosk")
     errors: list[str] = []
-    with service_and_browser(prewarm=False, finished_folds=True) as (service, browser, _):
+    with service_and_browser(prewarm=False, shipped_folds=True) as (service, browser, _):
         context = browser.new_context(viewport={"width": 1366, "height": 768})
         context.add_init_script(faster(CLOCK_SPEED))
         page = context.new_page()

@@ -507,7 +507,7 @@ class AttemptFigures(TypedDict, total=False):
     chosen: bool
 
 
-class IncludedFigures(TypedDict):
+class ShippedFigures(TypedDict):
     """Origin of a fold that came with the package: the version that made it."""
 
     version: str
@@ -541,7 +541,7 @@ class FoldSummary(TypedDict, total=False):
     explosion: ExplosionFigures | None
     playback: PlaybackFigures | None
     certificate: CertificateFigures | None
-    included: IncludedFigures
+    shipped: ShippedFigures
 
 
 class Fault(TypedDict, total=False):

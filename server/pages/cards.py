@@ -30,7 +30,7 @@ _CARD_STATUSES: Final = {
     "queued": "running",
     "failed": "failed",
 }
-MAX_INCLUDED_FOLDS: Final = 10_000
+MAX_SHIPPED_FOLDS: Final = 10_000
 """Maximum number of public folds, newest first, among which pages look for the finished folds that
 come with the package."""
 FEATURED_SHAPES: Final = (
@@ -185,9 +185,9 @@ def kinds(gallery: Gallery) -> list[tuple[str, str]]:
     return [(tag, TAG_LABELS.get(tag) or tag.capitalize()) for tag, _ in counts.most_common()]
 
 
-def included_folds(store: Store) -> list[ShownFold]:
+def shipped_folds(store: Store) -> list[ShownFold]:
     """Return the finished folds that came with the package, shortest chain first."""
-    rows = [row for row in store.list_public(limit=MAX_INCLUDED_FOLDS) if "included" in row.summary]
+    rows = [row for row in store.list_public(limit=MAX_SHIPPED_FOLDS) if "shipped" in row.summary]
     return [ShownFold.of(row) for row in sorted(rows, key=lambda row: (row.modules, row.name))]
 
 
@@ -199,7 +199,7 @@ def fold_statuses(store: Store) -> dict[str, FoldStatus]:
     def rank(row: FoldRow) -> int:
         return order.index(_CARD_STATUSES[row.status])
 
-    for row in store.list_public(limit=MAX_INCLUDED_FOLDS):
+    for row in store.list_public(limit=MAX_SHIPPED_FOLDS):
         if row.shape is None or row.status not in _CARD_STATUSES:
             continue
         if row.shape not in best or rank(row) < rank(best[row.shape]):

@@ -20,8 +20,8 @@ from foldback.server.pages.cards import (
     FoldStatus,
     GalleryFilter,
     fold_statuses,
-    included_folds,
     kinds,
+    shipped_folds,
 )
 from foldback.server.pages.page import drawing, origin_of, page
 from foldback.server.pages.problem_page import not_found_page
@@ -48,9 +48,9 @@ async def gallery_page(request: Request) -> Response:
     statuses = await asyncio.to_thread(fold_statuses, context.store)
     sieve = GalleryFilter.of(request.query_params)
     cards = [(card, statuses.get(card.name, FoldStatus())) for card in context.gallery.shapes()]
-    finished = await asyncio.to_thread(included_folds, context.store)
+    shipped = await asyncio.to_thread(shipped_folds, context.store)
     facts = {card.name: CardFacts.of_shape(card, status) for card, status in cards}
-    facts |= {fold.id: CardFacts.of_fold(fold) for fold in finished}
+    facts |= {fold.id: CardFacts.of_fold(fold) for fold in shipped}
     keys = {key for key, fold_facts in facts.items() if sieve.lets(fold_facts)}
     return page(
         "gallery.html",
@@ -68,7 +68,7 @@ async def gallery_page(request: Request) -> Response:
         method_of=method_of,
         module_count=module_count,
         rest_of=rest_of,
-        finished=finished,
+        finished=shipped,
     )
 
 

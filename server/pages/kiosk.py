@@ -10,7 +10,7 @@ from fastapi.responses import HTMLResponse, Response
 
 from foldback.server.context import context_of, in_list_rate
 from foldback.server.http.base_path import at
-from foldback.server.pages.cards import included_folds
+from foldback.server.pages.cards import shipped_folds
 from foldback.server.pages.page import page, script_json
 from foldback.server.pages.problem_page import not_found_page
 from foldback.server.viewing.fold_lookup import find_now
@@ -50,6 +50,6 @@ def exhibits(folds: list[ShownFold], address: str) -> str:
 
 def _chosen(request: Request, ids: list[str]) -> list[ShownFold]:
     if not ids:
-        return included_folds(context_of(request).store)
+        return shipped_folds(context_of(request).store)
     located_folds = (find_now(request, fold_id) for fold_id in ids)
     return [ShownFold.of(located.row) for located in located_folds if located is not None]

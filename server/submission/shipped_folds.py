@@ -125,6 +125,6 @@ def _row(fold_id: str, about: dict[str, Any], content_key: str | None) -> FoldRo
         seed=summary["seed"],
         content_key=content_key,
         visitor=SERVICE_VISITOR,
-        summary={**summary, "included": {"version": about["version"]}},
+        summary={**summary, "shipped": {"version": about["version"]}},
         refold=about["refold"],
     )

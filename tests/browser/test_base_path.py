@@ -22,7 +22,7 @@ def test_pages_below_a_path_ask_for_nothing_beside_it(
     browser: Browser, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     data = tmp_path_factory.mktemp("below") / "data"
-    with Service(data, base_path=BASE, workers=0, finished_folds=True).start() as service:
+    with Service(data, base_path=BASE, workers=0, shipped_folds=True).start() as service:
         open_all_pages(f"http://{service.netloc}{BASE}", browser)
 
 

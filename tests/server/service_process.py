@@ -67,7 +67,7 @@ class Service:
             # Few tests need all kinds of children, and each kind takes seconds to start.
             "FOLDBACK_PREWARM": "false",
             # Lists and counts start empty.
-            "FOLDBACK_FINISHED_FOLDS": "false",
+            "FOLDBACK_SHIPPED_FOLDS": "false",
             "FOLDBACK_METRICS_TOKEN": METRICS_TOKEN,
             # All visitors of a test have one address, unless it sets others.
             "FOLDBACK_REQUESTS_PER_SECOND_OF_VISITOR": "100000",

@@ -14,9 +14,9 @@ from foldback.planner.shapes.inside_points import inside_points
 from foldback.planner.shapes.likeness import Likeness
 from foldback.planner.verification.verify import verify
 from tests.case import case
-from tests.planner.certificate.test_verify import edit_plan, findings
 from tests.planner.folds import run_fold
 from tests.planner.solids_made import Mesh, box, exported, solid_of
+from tests.planner.verification.test_verify import edit_plan, findings
 
 Cells = NDArray[np.int64]
 

@@ -17,9 +17,9 @@ from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.shape_writers import write_path
 from foldback.planner.verification.verify import verify
 from tests.case import case
-from tests.planner.certificate.test_verify import edit_plan, findings, forge
 from tests.planner.folds import run_fold
 from tests.planner.tampering import reseal
+from tests.planner.verification.test_verify import edit_plan, findings, forge
 
 BOX = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (1, 1, 1), (1, 0, 1), (0, 0, 1)]
 ROW = [(x, 0, 0) for x in range(7)] + [(6, 1, 0)]

@@ -13,7 +13,7 @@ from foldback.planner.plan.plan import Plan
 from foldback.planner.readers.gallery import Gallery
 from foldback.planner.verification.plan_parameters import request_differs
 from foldback.planner.verification.verify import verify
-from foldback.server.pages.cards import included_folds
+from foldback.server.pages.cards import shipped_folds
 from foldback.server.settings import Settings
 from foldback.server.store.folds import Store
 from foldback.server.store.schema import CounterRow
@@ -24,7 +24,7 @@ NAMES = sorted(path.stem for path in SHIPPED_FOLDS_DIR.glob("*.fold"))
 SMALL, REFOLD = "tetra-cube-2", "wrench-80-to-mallet-80"
 
 
-def test_finished_folds_are_imported_once_and_unchanged(
+def test_shipped_folds_are_imported_once_and_unchanged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Imports only two of the five folds, as verifying all takes long."""
@@ -51,7 +51,7 @@ def test_finished_folds_are_imported_once_and_unchanged(
         with store.changing() as session:
             session.execute(sa.delete(CounterRow).where(CounterRow.name == f"finished {SMALL}"))
         assert import_shipped_folds(settings, store, Gallery()) == []
-        assert len(included_folds(store)) == 1
+        assert len(shipped_folds(store)) == 1
         names = {path.name for path in settings.folds_dir.iterdir()}
         assert names == {row.id for row in rows.values()}  # the sweep has removed the deleted fold
 

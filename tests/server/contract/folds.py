@@ -1,4 +1,4 @@
-"""Folds in every state, made without computing: rows, and files of the included folds."""
+"""Folds in every state, made without computing: rows, and files of the shipped folds."""
 
 import json
 from collections.abc import Mapping
@@ -35,8 +35,8 @@ ATTEMPTS = [
 FIGURES = {**SIMULATED, "module_size": 0.95, "fold_time_s": 17.7}
 SUMMARY = {"explosion": {"strategy": "simultaneous", "frames": 211, "steps": 200}, "hinges": 28}
 
-INCLUDED = {"pawn": "pawn", "cube": "tetra-cube-2", "refold": "wrench-80-to-mallet-80"}
-"""Names of the included folds by the ids that they get here."""
+SHIPPED = {"pawn": "pawn", "cube": "tetra-cube-2", "refold": "wrench-80-to-mallet-80"}
+"""Names of the shipped folds by the ids that they get here."""
 
 ROWS: Mapping[str, Mapping[str, Any]] = {
     "queued": {"status": "queued", "name": "wrench-16", "world": "table"},
@@ -94,13 +94,13 @@ ROWS: Mapping[str, Mapping[str, Any]] = {
     },
 }
 """Values of the invented rows by their ids."""
-NAMES = (*INCLUDED, *ROWS)
+NAMES = (*SHIPPED, *ROWS)
 """Ids of all folds."""
 
 
 def add_folds(store: Store) -> None:
     """Add all folds to a store that has none of them."""
-    for fold_id, name in INCLUDED.items():
+    for fold_id, name in SHIPPED.items():
         directory = store.directory(fold_id)
         directory.mkdir(parents=True)
         about = unpack((SHIPPED_FOLDS_DIR / f"{name}.fold").read_bytes(), directory)
@@ -108,12 +108,12 @@ def add_folds(store: Store) -> None:
         summary = about["summary"]
         expected = {key: summary[key] for key in ("module", "modules", "preset", "seed")}
         shape = about["shape"] if about["refold"] is None else None
-        included = {**summary, "included": {"version": about["version"]}}
+        shipped = {**summary, "shipped": {"version": about["version"]}}
         fold_values = expected | {
             "public": True,
             "pinned": True,
             "shape": shape,
-            "summary": included,
+            "summary": shipped,
         }
         _add(store, fold_id, name=about["name"], refold=about["refold"], **fold_values)
     for fold_id, fold_values in ROWS.items():

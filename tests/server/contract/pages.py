@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 
 import httpx
 
-from tests.server.contract.folds import INCLUDED, NAMES
+from tests.server.contract.folds import NAMES, SHIPPED
 from tests.server.routes import pages
 
 SHOWN_ATTRIBUTES = ("title", "alt", "placeholder", "aria-label", "content", "data-hint", "label")
@@ -83,7 +83,7 @@ def page_texts(http: httpx.Client) -> dict[str, str]:
     for name in NAMES:
         facts = http.get(f"/folds/{name}/facts").json()
         texts[name] += [f"--- /folds/{name}/facts", *flat(facts)]
-    for name in INCLUDED:
+    for name in SHIPPED:
         state = http.get(f"/api/folds/{name}").json()
         texts[name] += [f"--- /api/folds/{name}", *flat(state["links"], "links")]
     return {f"pages/{name}.txt": "\n".join(lines) + "\n" for name, lines in texts.items()}

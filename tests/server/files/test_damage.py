@@ -154,7 +154,7 @@ def service_with_shipped_fold(place: Path, **settings: object) -> Iterator[Servi
     shutil.copy(SMALL, place)
     with (
         patch("foldback.server.submission.shipped_folds.SHIPPED_FOLDS_DIR", place),
-        ServiceThread(place / "data", finished_folds=True, **settings).start() as service,
+        ServiceThread(place / "data", shipped_folds=True, **settings).start() as service,
     ):
         yield service
 

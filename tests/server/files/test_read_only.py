@@ -51,7 +51,7 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[ServiceTh
     with service_with_shipped_fold(tmp_path_factory.mktemp("read-only")) as writing:
         (fold,) = writing.http.get("/api/folds").json()["folds"]
     data_dir = writing.data_dir
-    with read_only(data_dir), ServiceThread(data_dir, finished_folds=True).start() as service:
+    with read_only(data_dir), ServiceThread(data_dir, shipped_folds=True).start() as service:
         yield service, fold["id"]
 
 

@@ -12,9 +12,9 @@ from foldback.planner.errors import InputError
 from foldback.planner.readers import read
 from foldback.planner.shapes.solid import Solid, signed_volume
 from foldback.planner.shapes.voxelise import voxelise
+from tests.planner.readers.test_faults import CORE, archive, mesh_xml
+from tests.planner.readers.test_meshes import add_accessor
 from tests.planner.reading import cells_of, refusal_of, solid_in
-from tests.planner.shapes.test_readers_faults import CORE, archive, mesh_xml
-from tests.planner.shapes.test_readers_meshes import add_accessor
 from tests.planner.solids_made import (
     Mesh,
     box,
