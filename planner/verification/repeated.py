@@ -17,6 +17,7 @@ from foldback.planner.certificate.frame_figures import write_figures
 from foldback.planner.certificate.table_forces import TableForces
 from foldback.planner.errors import UNREADABLE, InputError, PlannerError
 from foldback.planner.motion.timeline import Timeline
+from foldback.planner.parameters.explosion import MUJOCO
 from foldback.planner.pipeline.playing_back import play_back
 from foldback.planner.pipeline.search import Watch, is_smoothing
 from foldback.planner.pipeline.workspace import Workspace
@@ -31,6 +32,7 @@ from foldback.planner.plan.value_differences import (
     value_differences,
 )
 from foldback.planner.playback.playback import Playback
+from foldback.planner.playback.robot_runs import mujoco_seconds
 from foldback.planner.robot.smoothed_plan import before_and_after
 from foldback.planner.storage.file_names import (
     FIGURES,
@@ -49,6 +51,8 @@ from foldback.planner.verification.plan_parameters import plan_parameters
 SAME_SIMULATION_RAD: Final = 2e-5
 """Maximum difference between the angles of a simulated robot and those of its repetition, rad. On
 another processor, an encoder may round the other way; the robots' errors are ten times larger."""
+MAX_REPEATED_S: Final = 5.0
+"""Maximum estimated time of the processor, s, of robots in MuJoCo that are simulated again."""
 RECOMPUTED_CURVES: Final = ("min_clearance", "peak_torque_nm", "max_error_rad", "hinges_moving")
 """Curves of the plots that are computed again. Which of several modules is the nearest depends on
 rounding."""
@@ -59,8 +63,13 @@ def why_not_repeated(directory: FilePath, plan: Plan, playback: Playback) -> str
     for name in (REQUEST, PLAYBACK, *([] if plan.explosion is None else [RECORD])):
         if not (directory / name).exists():
             return f"there is no {name}"
-    size = len(plan.chain) * playback.steps * (playback.robots or 1)
+    robots = playback.robots or 1
+    size = len(plan.chain) * playback.steps * robots
     if not 0 <= size <= 4_000_000:  # 160 modules take 0.8 million, and 2 s
+        return "it would take too long"
+    is_by_mujoco = plan.parameters["playback"].get("robot", {}).get("engine") == MUJOCO
+    hinges = len(plan.chain.folded_rad)
+    if is_by_mujoco and robots * mujoco_seconds(hinges, playback.steps) > MAX_REPEATED_S:
         return "it would take too long"
     for name in ("foldback", "mujoco"):
         installed, plan_version = versions().get(name), plan.versions.get(name)
