@@ -29,10 +29,10 @@ from foldback.planner.exports.trajectory import (
     sufficient_rate,
 )
 from foldback.planner.plan.plan import Plan
-from foldback.planner.robot.motors import Build, MotorRequirements, motor_requirements
-from foldback.planner.robot.retiming import retime as retime_plan
-from foldback.planner.robot.trajectory import Trajectory
 from foldback.planner.storage.files import written_aside
+from foldback.planner.trajectories.motors import Build, MotorRequirements, motor_requirements
+from foldback.planner.trajectories.retiming import retime as retime_plan
+from foldback.planner.trajectories.trajectory import Trajectory
 from foldback.words import certificate as certificate_words
 from foldback.words.messages import PEOPLE, nearest_frame
 from foldback.words.quantities import spacings

@@ -17,10 +17,10 @@ from foldback.cli.inputs import read_plan, refuse
 from foldback.cli.options import AsJson
 from foldback.planner.chain.cantilever_statics import GRAVITY_M_S2
 from foldback.planner.errors import InputError
-from foldback.planner.robot.module_materials import CASINGS, Casing, casing_named
-from foldback.planner.robot.servos import MIN_SERVO_RANGE_DEG, Servo, servo_named
-from foldback.planner.robot.servos import servos as all_servos
-from foldback.planner.robot.sizing import (
+from foldback.planner.servos.module_materials import CASINGS, Casing, casing_named
+from foldback.planner.servos.servos import MIN_SERVO_RANGE_DEG, Servo, servo_named
+from foldback.planner.servos.servos import servos as all_servos
+from foldback.planner.servos.sizing import (
     PERMANENT_TORQUE_SHARE,
     Fit,
     LargestShape,

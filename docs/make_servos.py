@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from foldback.planner.robot.servos import Servo, servos
+from foldback.planner.servos.servos import Servo, servos
 
 PAGE = Path(__file__).with_name("robot.md")
 BEGIN, END = "<!-- servos -->\n", "<!-- end of servos -->\n"

@@ -18,9 +18,9 @@ from foldback.server.api import (
     module_values,
     movies,
     results,
-    robot,
     shapes,
     tours,
+    trajectories,
 )
 from foldback.server.context import Context
 from foldback.server.http import problems
@@ -93,7 +93,7 @@ ROUTERS: Final = (
     pictures,
     preview,
     privacy,
-    robot,
+    trajectories,
     class_connections,
 )
 
@@ -141,7 +141,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
     for module in ROUTERS:
         app.include_router(module.router)
-    app.include_router(robot.schemas)
+    app.include_router(trajectories.schemas)
 
     _add_middleware(app, settings, metrics)
     return app

@@ -18,9 +18,9 @@ from foldback.planner.certificate.table_figures import TableCertificate
 from foldback.planner.motion.record import TableRecord
 from foldback.planner.parameters.parameters import BASELINE
 from foldback.planner.reasons import Reader
-from foldback.planner.robot.module_materials import CASINGS
-from foldback.planner.robot.servos import Servo, servos
-from foldback.planner.robot.sizing import find_suitable_servos, suitable_pitches
+from foldback.planner.servos.module_materials import CASINGS
+from foldback.planner.servos.servos import Servo, servos
+from foldback.planner.servos.sizing import find_suitable_servos, suitable_pitches
 from foldback.words.messages import PEOPLE, nearest_frame, reason_text
 from foldback.words.quantities import (
     SIGNIFICANT_DIGITS,

@@ -16,7 +16,7 @@ from foldback.planner.pipeline.preference import (
     PlanFigures,
     Preference,
 )
-from foldback.planner.robot import RECORDED, SMOOTHED, SOFTENED
+from foldback.planner.smoothing import RECORDED, SMOOTHED, SOFTENED
 from foldback.planner.storage.file_names import ATTEMPTS, CHAIN, PLANS_DIR
 from foldback.planner.verification.integrity import check
 from foldback.words.certificate import degrees_down, label_of, rounded_down

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final, TypedDict
 
 from foldback.planner.certificate.figures import SmoothingFigures
-from foldback.planner.robot import RECORDED, SOFTENED
+from foldback.planner.smoothing import RECORDED, SOFTENED
 from foldback.words.certificate import label_of
 from foldback.words.quantities import number, quantity
 

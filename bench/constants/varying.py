@@ -42,10 +42,10 @@ from foldback.planner.playback import (
     setpoints,
     time_scaling,
 )
-from foldback.planner.robot import smoothing, smoothing_targets
 from foldback.planner.shapes import lattice_fits, voxel_choice
 from foldback.planner.shapes.solid import Solid
 from foldback.planner.shapes.voxelise import voxelise
+from foldback.planner.smoothing import smoothing, smoothing_targets
 from foldback.planner.turns import beam_search
 from tests.planner.chains import knotted, shuffled
 

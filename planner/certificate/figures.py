@@ -458,7 +458,7 @@ class PlaybackFigures(TypedDict, total=False):
 
 
 class SmoothingFigures(TypedDict):
-    """``planner.robot.smoothed_plan.before_and_after``."""
+    """``planner.smoothing.smoothed_plan.before_and_after``."""
 
     way: str
     seconds: float

@@ -17,7 +17,7 @@ from foldback.planner.chain.chain import Chain
 from foldback.planner.clearance.sweep import Sweep, sweep
 from foldback.planner.errors import InputError
 from foldback.planner.progress import Cancelled, never
-from foldback.planner.robot.trajectory import Trajectory
+from foldback.planner.trajectories.trajectory import Trajectory
 
 Form = Literal["csv", "json"]
 TRAJECTORY_FORMAT: Final = "foldback-trajectory/1"

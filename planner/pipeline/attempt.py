@@ -40,8 +40,8 @@ class AttemptSpec:
         plain: True for an explosion of all modules that is not calm, although ``auto`` chose it.
         roomy: True for turns with the most room alone, which ``auto`` looks for before it explodes.
         smooths: Index of the attempt whose verified plan is smoothed in place of
-            an explosion; the strategy then is one of ``planner.robot.SMOOTHING_WAYS``. None for an
-            explosion.
+            an explosion; the strategy then is one of ``planner.smoothing.SMOOTHING_WAYS``. None for
+            an explosion.
     """
 
     candidate: int

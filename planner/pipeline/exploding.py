@@ -15,7 +15,7 @@ from foldback.planner.pipeline.preference import CALM
 from foldback.planner.pipeline.search import FoldSpec, Result, Search, Watch
 from foldback.planner.plan.plan import Plan
 from foldback.planner.progress import Progress
-from foldback.planner.robot.smoothed_plan import smoothed_record
+from foldback.planner.smoothing.smoothed_plan import smoothed_record
 
 
 def with_explosion(

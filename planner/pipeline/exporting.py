@@ -10,7 +10,7 @@ from foldback.planner.pipeline.attempt import Attempt, Candidates
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.search import Result, is_smoothing
 from foldback.planner.plan.plan import Plan
-from foldback.planner.robot.smoothed_plan import before_and_after
+from foldback.planner.smoothing.smoothed_plan import before_and_after
 
 
 def finish(

@@ -153,8 +153,8 @@ def smooth_plan(
         The smoothed plan, verified or not; ``Plan.smoothing`` says what has changed.
 
     Raises:
-        InputError: See ``planner.robot.smoothed_plan.check_smoothable``; or a seed or size out of
-            range.
+        InputError: See ``planner.smoothing.smoothed_plan.check_smoothable``; or a seed or size out
+            of range.
     """
     request = FoldRequest.smoothing(plan, seed=seed, module_size=module_size)
     watch = Watch(progress=progress, cancelled=cancelled)

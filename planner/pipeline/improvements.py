@@ -20,7 +20,7 @@ from foldback.planner.pathfinding.expected_duration import MAX_IMPROVING_S
 from foldback.planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, AttemptSpec
 from foldback.planner.pipeline.preference import CALM, COMPUTING, Preference
 from foldback.planner.pipeline.request import MAX_SEED
-from foldback.planner.robot import SMOOTHED, SMOOTHING_WAYS, SOFTENED
+from foldback.planner.smoothing import SMOOTHED, SMOOTHING_WAYS, SOFTENED
 
 SEEDS_PER_SMOOTHED_PLAN: Final = 3
 """Number of random seeds, the first one included, with which the smoothing (by random shortcuts)

@@ -15,7 +15,7 @@ from foldback.planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.prepared_chains import PreparedChains
 from foldback.planner.playback.unfolding import check_fits
-from foldback.planner.robot.smoothed_plan import check_smoothable
+from foldback.planner.smoothing.smoothed_plan import check_smoothable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -28,7 +28,7 @@ from foldback.planner.pipeline.attempt import (
 from foldback.planner.pipeline.improvements import Improvements
 from foldback.planner.pipeline.preference import CALM, COMPUTING
 from foldback.planner.pipeline.request import MAX_SEED, FoldRequest
-from foldback.planner.robot import MAX_SMOOTHED_ANGLES, SMOOTHING_WAYS
+from foldback.planner.smoothing import MAX_SMOOTHED_ANGLES, SMOOTHING_WAYS
 
 Change = Literal["plain", "path", "strategy", "end", "forces", "seed"]
 MAX_SEEDS: Final = 3

@@ -29,7 +29,7 @@ from foldback.planner.plan.plan import Plan
 from foldback.planner.playback.playback import Playback
 from foldback.planner.playback.unfolding import Unfolding
 from foldback.planner.progress import Cancelled, Report, never, silent
-from foldback.planner.robot import SMOOTHING_WAYS
+from foldback.planner.smoothing import SMOOTHING_WAYS
 
 _EXPLOSION: Final = PHASES.index("explosion")
 

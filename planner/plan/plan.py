@@ -70,7 +70,7 @@ class Plan:
         playback: Status, reason, steps, seconds and errors of the playback; None without one.
         certificate: Certificate of the plan.
         attempts: Every explosion that was tried, the last one is the record.
-        smoothing: Changes by smoothing, see ``planner.robot.smoothed_plan``; None of a recorded
+        smoothing: Changes by smoothing, see ``planner.smoothing.smoothed_plan``; None of a recorded
             plan.
         likeness: Likeness of the folded modules to the input; None if the input was a path or a
             chain.

@@ -33,7 +33,7 @@ from foldback.planner.plan.value_differences import (
 )
 from foldback.planner.playback.playback import Playback
 from foldback.planner.playback.robot_runs import mujoco_seconds
-from foldback.planner.robot.smoothed_plan import before_and_after
+from foldback.planner.smoothing.smoothed_plan import before_and_after
 from foldback.planner.storage.file_names import (
     FIGURES,
     FORCES,

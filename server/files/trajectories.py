@@ -25,7 +25,7 @@ from foldback.server.settings import Settings
 from foldback.web.timeline.cache import Cache
 
 if TYPE_CHECKING:
-    from foldback.planner.robot.trajectory import Trajectory
+    from foldback.planner.trajectories.trajectory import Trajectory
 
 STREAMS, STREAMS_OF_ADDRESS = 8, 2
 """Maximum numbers of trajectories that are sent at the same time, in total and to one address."""
@@ -255,7 +255,7 @@ class Trajectories:
         return retimed
 
     def _retimed(self, timing: TrajectoryRequest) -> Retimed:
-        from foldback.planner.robot.trajectory import FRAMES_FILE, REST_FILE
+        from foldback.planner.trajectories.trajectory import FRAMES_FILE, REST_FILE
 
         with self._motions.directory() as place, self._scratch.directory() as directory:
             summary = self._call("retime", place, timing, timing.request())
@@ -304,7 +304,7 @@ def _loaded(directory: Path, max_bytes: int) -> Trajectory:
     Raises:
         ServiceError: If it unpacks to more bytes than ``max_bytes``, or is invalid.
     """
-    from foldback.planner.robot.trajectory import REST_FILE, Trajectory
+    from foldback.planner.trajectories.trajectory import REST_FILE, Trajectory
 
     try:
         with ZipFile(directory / REST_FILE) as parts:

@@ -22,7 +22,7 @@ from foldback.planner.pathfinding.path_options import MAX_TABLE_MODULES
 from foldback.planner.pipeline.fold_layout import result_path
 from foldback.planner.pipeline.preference import COMPUTING, Preference, preference_named
 from foldback.planner.pipeline.request import MAX_SEED, FoldRequest
-from foldback.planner.robot import MAX_SMOOTHED_ANGLES
+from foldback.planner.smoothing import MAX_SMOOTHED_ANGLES
 from foldback.planner.storage.file_names import ATTEMPTS, CERTIFICATE, CHAIN, PLAN, RECORD, TIMELINE
 from foldback.planner.storage.files import json_of
 from foldback.planner.verification.integrity import damaged_among

@@ -88,7 +88,7 @@ def _begins(directory: Path) -> Chain:
 def _smoothed(directory: Path, request: FoldRequest) -> dict[str, Any]:
     """Return ``name``, ``module`` and ``modules`` of a plan to be smoothed."""
     from foldback.planner.plan.plan import Plan
-    from foldback.planner.robot.smoothed_plan import check_smoothable
+    from foldback.planner.smoothing.smoothed_plan import check_smoothable
     from foldback.planner.storage.file_names import RECORDED_PLAN
 
     request.check()

@@ -10,10 +10,10 @@ from typing import Any
 from foldback.planner.exports.trajectory import MAX_TOUCH_DEPTH_PITCH, sufficient_rate
 from foldback.planner.exports.trajectory import clearance as clearance_of_rows
 from foldback.planner.plan.plan import Plan
-from foldback.planner.robot.motors import Build, motor_requirements
-from foldback.planner.robot.retiming import retime as retime_plan
-from foldback.planner.robot.trajectory import Trajectory
 from foldback.planner.storage.file_names import PLAN
+from foldback.planner.trajectories.motors import Build, motor_requirements
+from foldback.planner.trajectories.retiming import retime as retime_plan
+from foldback.planner.trajectories.trajectory import Trajectory
 from foldback.server.processes.scratch import MOTORS_FILE, request_in
 
 

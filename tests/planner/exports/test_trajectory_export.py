@@ -8,8 +8,8 @@ from foldback.planner.chain.chain import Chain
 from foldback.planner.clearance.sweep import sweep
 from foldback.planner.exports.trajectory import Form, clearance, export, sufficient_rate, times
 from foldback.planner.pipeline.fold import fold
-from foldback.planner.robot.retiming import retime, retimed
-from foldback.planner.robot.trajectory import Trajectory
+from foldback.planner.trajectories.retiming import retime, retimed
+from foldback.planner.trajectories.trajectory import Trajectory
 from tests.planner.chains import coil
 from tests.refusal import refused
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from foldback.planner.plan.plan import Plan
-from foldback.planner.robot.servos import servos
-from foldback.planner.robot.sizing import total_turn_rad
+from foldback.planner.servos.servos import servos
+from foldback.planner.servos.sizing import total_turn_rad
 from tests.server.cli.test_command_line import foldback, foldback_json
 from tests.server.cli.test_table import write_plan
 

@@ -14,8 +14,8 @@ import pytest
 
 from foldback.planner.plan.packed_fold import unpack
 from foldback.planner.plan.plan import Plan
-from foldback.planner.robot.retiming import retime as retime_plan
-from foldback.planner.robot.trajectory import FRAMES_FILE, REST_FILE
+from foldback.planner.trajectories.retiming import retime as retime_plan
+from foldback.planner.trajectories.trajectory import FRAMES_FILE, REST_FILE
 from foldback.server.errors import TooLarge, TooMany, Unavailable, Unusable
 from foldback.server.files.trajectories import (
     MOTORS_FILE,

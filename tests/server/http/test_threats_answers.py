@@ -6,7 +6,6 @@ from typing import Any
 
 from fastapi.routing import APIRoute
 
-from foldback.server.api import robot
 from foldback.server.app import ROUTERS
 from tests.server.rows import statements
 from tests.server.service_process import SNAKE, Service, bearer
@@ -35,7 +34,7 @@ BAD_BODIES = (b"", b"null", b"[", b'{"name":', b'{"name": 7, "owner_token": {}}'
 
 ROUTES = [
     route
-    for router in [*(module.router for module in ROUTERS), robot.schemas]
+    for router in [*(module.router for module in ROUTERS), trajectories.schemas]
     for route in router.routes
     if isinstance(route, APIRoute)
 ]

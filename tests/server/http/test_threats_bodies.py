@@ -9,7 +9,6 @@ import pytest
 from fastapi.params import Form
 from fastapi.routing import APIRoute
 
-from foldback.server.api import robot
 from foldback.server.app import ROUTERS
 from foldback.server.http.connections import CountingConnection
 from foldback.server.http.event_rate import BYTES_PER_EVENT, REQUEST_EVENTS
@@ -26,7 +25,7 @@ def put(service: Service, address: str, body: bytes, token: str) -> Any:
 
 def test_framework_decodes_no_json_body() -> None:
     """FastAPI would decode it in the event loop, collect all faults, and check the owner later."""
-    for router in (*(module.router for module in ROUTERS), robot.schemas):
+    for router in (*(module.router for module in ROUTERS), trajectories.schemas):
         for route in router.routes:
             if isinstance(route, APIRoute) and route.body_field is not None:
                 assert isinstance(route.body_field.field_info, Form), route.path

@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from foldback.server.api.robot import _TargetStream
+from foldback.server.api.trajectories import _TargetStream
 from foldback.server.limits.networks import visitor_at
 from foldback.server.target_streams.stream_messages import PlayOptions
 from foldback.server.target_streams.stream_rates import NUMBERS_PER_SECOND_OF_VISITOR, stream_rates

@@ -12,9 +12,9 @@ from foldback.planner.chain.cantilever_statics import GRAVITY_M_S2
 from foldback.planner.chain.chain import Chain
 from foldback.planner.errors import InputError
 from foldback.planner.reasons import PROGRAMS, Reader
-from foldback.planner.robot.trajectory import Trajectory
 from foldback.planner.simulation.mujoco_models import Material
 from foldback.planner.simulation.mujoco_tree import Tree
+from foldback.planner.trajectories.trajectory import Trajectory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

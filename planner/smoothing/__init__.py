@@ -1,4 +1,4 @@
-"""For real robots: smoother motions, time stamps within limits, trajectories, motors and servos.
+"""Smoothing: shorter and quieter motions of verified plans.
 
 The names of the ways to smooth a plan stand here, so that they are known without the smoothing.
 """

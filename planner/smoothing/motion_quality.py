@@ -11,7 +11,7 @@ from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.plan.plan import Plan
 from foldback.planner.playback.reference_curve import record_lengths
-from foldback.planner.robot.smoothing import DISTANCE_WEIGHT
+from foldback.planner.smoothing.smoothing import DISTANCE_WEIGHT
 
 TAIL_CHUNK_FRAMES: Final = 64
 """Number of frames whose poses are computed at once, to measure how far the chain's ends travel."""

@@ -1,4 +1,4 @@
-"""Routes for robots: trajectories, joint torques, and target streams in real time."""
+"""Routes for real robots: trajectories, joint torques, and target streams in real time."""
 
 from __future__ import annotations
 

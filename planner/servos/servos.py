@@ -73,7 +73,7 @@ class Servo:
 @cache
 def servos() -> tuple[Servo, ...]:
     """Return all known servos, the lightest first."""
-    text = files("foldback.planner.robot").joinpath("servos.toml").read_text(encoding="utf-8")
+    text = files("foldback.planner.servos").joinpath("servos.toml").read_text(encoding="utf-8")
     entries = [_servo(entry) for entry in tomllib.loads(text)["servo"]]
     return tuple(sorted(entries, key=lambda servo: (servo.mass_kg, servo.name)))
 

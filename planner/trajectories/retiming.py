@@ -17,7 +17,7 @@ from foldback.planner.arrays import Array
 from foldback.planner.core import fastest_profile
 from foldback.planner.errors import InputError
 from foldback.planner.plan.plan import Plan
-from foldback.planner.robot.trajectory import CutPath, Trajectory
+from foldback.planner.trajectories.trajectory import CutPath, Trajectory
 
 Indices = NDArray[np.int64]
 MAX_STILL_TURN_RAD: Final = 1e-6

@@ -32,7 +32,7 @@ from foldback.planner.clearance.sweep import Sweep, sweep
 from foldback.planner.core import mark_blamed_hinges, write_displacements
 from foldback.planner.errors import InputError
 from foldback.planner.progress import Cancelled, never
-from foldback.planner.robot.smoothing_targets import (
+from foldback.planner.smoothing.smoothing_targets import (
     along,
     direct,
     mean,

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from foldback.planner.chain.module import CUBE
 from foldback.planner.errors import InputError
-from foldback.planner.robot.module_materials import CASINGS, Casing, casing_named
-from foldback.planner.robot.servos import Servo, servo_named, servos
-from foldback.planner.robot.sizing import (
+from foldback.planner.servos.module_materials import CASINGS, Casing, casing_named
+from foldback.planner.servos.servos import Servo, servo_named, servos
+from foldback.planner.servos.sizing import (
     HINGES_PER_MODULE,
     find_suitable_servos,
     largest_shape,

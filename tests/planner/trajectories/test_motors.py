@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from foldback.planner.chain.chain import Chain
-from foldback.planner.robot.motors import Build, motor_requirements
-from foldback.planner.robot.retiming import retimed
-from foldback.planner.robot.trajectory import Trajectory
+from foldback.planner.trajectories.motors import Build, motor_requirements
+from foldback.planner.trajectories.retiming import retimed
+from foldback.planner.trajectories.trajectory import Trajectory
 from tests.case import case
 from tests.planner.chains import line
 from tests.refusal import refused

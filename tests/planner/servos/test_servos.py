@@ -6,8 +6,8 @@ from urllib.parse import urlsplit
 import pytest
 
 from docs.make_servos import PAGE, with_rows
-from foldback.planner.robot.servos import KGF_CM_NM, servo_named, servos
-from foldback.planner.robot.sizing import PERMANENT_TORQUE_SHARE
+from foldback.planner.servos.servos import KGF_CM_NM, servo_named, servos
+from foldback.planner.servos.sizing import PERMANENT_TORQUE_SHARE
 from tests.case import case
 from tests.refusal import refused
 

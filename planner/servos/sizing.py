@@ -18,9 +18,9 @@ import numpy as np
 from foldback.planner.arrays import Array
 from foldback.planner.chain.cantilever_statics import GRAVITY_M_S2
 from foldback.planner.errors import InputError
-from foldback.planner.robot.module_materials import Casing
-from foldback.planner.robot.servos import Servo, servos
 from foldback.planner.roots import find_root
+from foldback.planner.servos.module_materials import Casing
+from foldback.planner.servos.servos import Servo, servos
 
 HINGES_PER_MODULE: Final = 2
 """Number of hinges of one cube, those of a universal joint; a module needs as many servo axes."""

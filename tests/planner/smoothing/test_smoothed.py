@@ -16,8 +16,8 @@ from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.shape_writers import write_chain
 from foldback.planner.reasons import Reason, ReasonCode
-from foldback.planner.robot import SMOOTHED
-from foldback.planner.robot.smoothed_plan import check_smoothable
+from foldback.planner.smoothing import SMOOTHED
+from foldback.planner.smoothing.smoothed_plan import check_smoothable
 from foldback.planner.verification.verify import verify
 from tests.planner.conftest import Folded
 from tests.planner.plans import with_values
@@ -79,7 +79,7 @@ def test_unsuitable_plans_are_not_smoothed(folded: Folded, monkeypatch: pytest.M
         "smooth-no-torques": replace(certificate, peak_torque_nm=None),
     }
     plans = {code: with_values(plan, certificate=second) for code, second in unsuitable.items()}
-    monkeypatch.setattr("foldback.planner.robot.smoothed_plan.MAX_SMOOTHED_ANGLES", 1000)
+    monkeypatch.setattr("foldback.planner.smoothing.smoothed_plan.MAX_SMOOTHED_ANGLES", 1000)
     extra = {"smooth-refold": with_values(plan, start=folded.chain), "smooth-too-long": plan}
     for code, second in {**plans, **extra}.items():
         with refused(code):

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from foldback.planner.exports.trajectory import clearance
-from foldback.planner.robot.retiming import retime, retimed
-from foldback.planner.robot.trajectory import Trajectory
+from foldback.planner.trajectories.retiming import retime, retimed
+from foldback.planner.trajectories.trajectory import Trajectory
 from tests.case import case
 from tests.planner.chains import Array
 from tests.refusal import refused

@@ -22,9 +22,14 @@ from foldback.planner.playback.reference_curve import record_lengths
 from foldback.planner.progress import Cancelled, never
 from foldback.planner.reasons import Reason
 from foldback.planner.reasons import ReasonCode as Code
-from foldback.planner.robot import MAX_SMOOTHED_ANGLES, RECORDED, SMOOTHED
-from foldback.planner.robot.motion_quality import Quality
-from foldback.planner.robot.smoothing import DISTANCE_WEIGHT, MAX_EVALUATIONS, smooth, spacing_of
+from foldback.planner.smoothing import MAX_SMOOTHED_ANGLES, RECORDED, SMOOTHED
+from foldback.planner.smoothing.motion_quality import Quality
+from foldback.planner.smoothing.smoothing import (
+    DISTANCE_WEIGHT,
+    MAX_EVALUATIONS,
+    smooth,
+    spacing_of,
+)
 
 
 def check_smoothable(plan: Plan) -> None:

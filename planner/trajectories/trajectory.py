@@ -1,6 +1,6 @@
 """Trajectory: a plan's path with time stamps, and the way along straight lines that it follows.
 
-``planner.robot.retiming`` makes them.
+``planner.trajectories.retiming`` makes them.
 """
 
 from __future__ import annotations

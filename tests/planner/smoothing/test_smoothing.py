@@ -6,9 +6,9 @@ from foldback.planner.clearance.sweep import sweep
 from foldback.planner.core import mark_blamed_hinges
 from foldback.planner.errors import InputError
 from foldback.planner.playback.reference_curve import record_lengths
-from foldback.planner.robot.motion_quality import Quality
-from foldback.planner.robot.smoothing import DISTANCE_WEIGHT, FRAME_SPACING_RANGE_RAD, smooth
-from foldback.planner.robot.smoothing_targets import direct
+from foldback.planner.smoothing.motion_quality import Quality
+from foldback.planner.smoothing.smoothing import DISTANCE_WEIGHT, FRAME_SPACING_RANGE_RAD, smooth
+from foldback.planner.smoothing.smoothing_targets import direct
 from tests.planner.chains import Array, coil, line, random_angles
 from tests.planner.conftest import Folded
 

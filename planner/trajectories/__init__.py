@@ -1,0 +1,1 @@
+"""Trajectories: plans with time stamps that real robots can keep, and their motor torques."""
