@@ -6,6 +6,7 @@ from typing import Any
 
 from fastapi.routing import APIRoute
 
+from foldback.server.api import trajectories
 from foldback.server.app import ROUTERS
 from tests.server.rows import statements
 from tests.server.service_process import SNAKE, Service, bearer

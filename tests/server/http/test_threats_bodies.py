@@ -9,6 +9,7 @@ import pytest
 from fastapi.params import Form
 from fastapi.routing import APIRoute
 
+from foldback.server.api import trajectories
 from foldback.server.app import ROUTERS
 from foldback.server.http.connections import CountingConnection
 from foldback.server.http.event_rate import BYTES_PER_EVENT, REQUEST_EVENTS
