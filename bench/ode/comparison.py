@@ -26,7 +26,7 @@ from foldback.planner.pipeline.stages import run_stage
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.progress import STAGES
 from foldback.planner.readers import read
-from foldback.planner.readers.gallery import Gallery
+from foldback.planner.readers.gallery import Gallery, GalleryShape
 
 STORED: Final = Path(__file__).parents[1] / "data" / "ode.json"
 """Figures that the README and the page /paper show."""
@@ -123,19 +123,28 @@ def measure() -> Comparison:
     Raises:
         OdeMissingError: The compiler or ODE is not installed.
     """
-    about = machine()
-    shape = Gallery().shape(SHAPE)
-    assert shape is not None
+    about, shape = machine(), _shape()
     path = read(shape.data, filename=shape.filename)
     assert isinstance(path, CellPath)
-    rows = tuple(_rows(Chain.from_path(path), FoldRequest(filename=shape.filename), shape.data))
+    rows = (*_ode_rows(Chain.from_path(path)), _own_row(shape))
     return Comparison(machine=about, date=time.strftime("%Y-%m-%d"), rows=rows)
 
 
-def _rows(chain: Chain, request: FoldRequest, data: bytes) -> Iterator[Row]:
+def measure_own(comparison: Comparison) -> Comparison:
+    """Fold the shape by foldback's own method, and return the figures with its new row."""
+    others = [row for row in comparison.rows if row.id != OWN]
+    return replace(comparison, rows=(*others, _own_row(_shape())))
+
+
+def _shape() -> GalleryShape:
+    shape = Gallery().shape(SHAPE)
+    assert shape is not None
+    return shape
+
+
+def _ode_rows(chain: Chain) -> Iterator[Row]:
     with tempfile.TemporaryDirectory(prefix="foldback-bench-") as place:
         program = build(Path(place))
-        yield _own_row(request, data)
         for name, solver in SOLVERS.items():
             before_s = reference_seconds()
             result = run(program, chain, solver, Path(place))
@@ -186,8 +195,9 @@ class _OwnRun:
         return self.seconds["explode"] + self.seconds["play_back"]
 
 
-def _own_row(request: FoldRequest, data: bytes) -> Row:
+def _own_row(shape: GalleryShape) -> Row:
     """Fold by the default preset, repeatedly; the first run is not measured."""
+    request, data = FoldRequest(filename=shape.filename), shape.data
     _fold(request, data)
     references: list[float] = [reference_seconds()]
     runs: list[_OwnRun] = []
