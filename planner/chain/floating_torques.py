@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.module import Module
-from foldback.planner.chain.splines import CubicSpline
 from foldback.planner.core import many_floating_torques
 from foldback.planner.core.structures import Lumps
 from foldback.planner.cpu_cores import cores
@@ -80,6 +80,9 @@ def spline_derivatives(
     if later.sum() < 4:  # a cubic spline without given rates at its ends needs four
         nothing = np.full((len(at), angles_rad.shape[1]), np.nan)
         return nothing, nothing
-    start = np.zeros(angles_rad.shape[1]) if from_rest else None
-    curve = CubicSpline.through(time_s[later], angles_rad[later], start_rates=start)
+    from scipy.interpolate import CubicSpline  # late: who reads a plan asks for no accelerations
+
+    start = (1, np.zeros(angles_rad.shape[1])) if from_rest else "not-a-knot"
+    ends: Any = (start, "not-a-knot")
+    curve = CubicSpline(time_s[later], angles_rad[later], bc_type=ends)
     return curve(time_s[at], 1), curve(time_s[at], 2)

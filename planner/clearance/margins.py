@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Final
+from typing import Final, cast
 
 import numpy as np
 
@@ -31,7 +30,6 @@ from foldback.planner.core import allowance
 from foldback.planner.core.structures import Levers, Tolerance
 from foldback.planner.motion.motion import Motion, as_motion
 from foldback.planner.progress import Cancelled, never
-from foldback.planner.roots import find_root
 
 FULL_SIZE: Final = 1.0
 """Module size, in pitches, at which neighbouring modules touch: the largest size that is tried when
@@ -346,6 +344,7 @@ class _Search:
         self, place: Place, errors: Callable[..., Errors], limits: tuple[float, ...]
     ) -> list[float]:
         """Return the value of each kind of error at which two modules may touch at a moment."""
+        from scipy.optimize import brentq  # late: pages start without it
 
         def left(value: float, kind: int) -> float:
             values = [value if k == kind else 0.0 for k in range(len(limits))]
@@ -354,7 +353,7 @@ class _Search:
         return [
             top
             if left(top, kind) > 0.0
-            else find_root(partial(left, kind=kind), 0.0, top, tolerance=1e-9)
+            else cast(float, brentq(left, 0.0, top, args=(kind,), xtol=1e-9))
             for kind, top in enumerate(limits)
         ]
 

@@ -1096,29 +1096,3 @@ def face_light(
         light: (3,) unit vector towards the key light.
         max_distance: Distance beyond which a module casts no shadow on a face, in pitches.
     """
-
-def spline_points(
-    knots: NDArray[np.float64], controls: NDArray[np.float64], at: NDArray[np.float64]
-) -> Array:
-    """Return the (K, J) points of a B-spline at (K,) parameters.
-
-    Args:
-        knots: (C + degree + 1,) knots, not falling.
-        controls: (C, J) control points.
-        at: (K,) parameters; beyond the ends the first and the last polynomial continue.
-    """
-
-def solve_tridiagonal(
-    lower: NDArray[np.float64],
-    diagonal: NDArray[np.float64],
-    upper: NDArray[np.float64],
-    right: NDArray[np.float64],
-) -> Array:
-    """Return the (R, C) solutions of a tridiagonal system, without exchanging rows.
-
-    Args:
-        lower: (R,) elements left of the diagonal; the first is not used.
-        diagonal: (R,) diagonal; the matrix must be one for which elimination needs no exchanges.
-        upper: (R,) elements right of the diagonal; the last is not used.
-        right: (R, C) right-hand sides, one in each column.
-    """

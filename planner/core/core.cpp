@@ -24,7 +24,6 @@ void bind_segment_state(nanobind::module_ &);
 void bind_servo_step(nanobind::module_ &);
 void bind_smoothing(nanobind::module_ &);
 void bind_speed_profiles(nanobind::module_ &);
-void bind_splines(nanobind::module_ &);
 void bind_statics(nanobind::module_ &);
 void bind_sweep(nanobind::module_ &);
 void bind_tetrahedron_turns(nanobind::module_ &);
@@ -57,7 +56,6 @@ NB_MODULE(_core, m) {
   foldback::bind_servo_step(m);
   foldback::bind_smoothing(m);
   foldback::bind_speed_profiles(m);
-  foldback::bind_splines(m);
   foldback::bind_statics(m);
   foldback::bind_sweep(m);
   foldback::bind_tetrahedron_turns(m);

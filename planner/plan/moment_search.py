@@ -42,6 +42,10 @@ are more exact and slower."""
 OVERLAP_PITCH: Final = 1e-6
 """Overlap of two modules, in pitches, up to which they count as touching rather than as colliding
 when the first collision of a motion without a plan is searched: rounding."""
+SUM_WEIGHT: Final = 1000.0
+"""Weight, in pitches, of the equation that makes the weights of the nearest point sum to 1, when
+nonnegative least squares compute the distance of two modules. The weights are divided by their sum
+afterwards, so that other values change the distance by rounding only."""
 CHUNK_POSES: Final = 2**15
 """Number of modules' poses that are computed at once, over all frames."""
 
@@ -206,11 +210,17 @@ class _Folding:
 
     def _distance(self, poses: Poses, row: int, first: int, second: int) -> float:
         """Return the distance of two modules: that of the hull of all differences from zero."""
+        from scipy.optimize import nnls  # late: pages start without it
+
         corners = self.chain.module.vertices * self.size
         a, b = (
             poses.positions[row, k] + corners @ poses.rotations[row, k].T for k in (first, second)
         )
-        return _distance_from_origin((a[:, None] - b[None]).reshape(-1, 3))
+        differences = (a[:, None] - b[None]).reshape(-1, 3)
+        # Nonnegative weights of the nearest point; the last equation makes their sum 1.
+        equations = np.vstack([differences.T, np.full(len(differences), SUM_WEIGHT)])
+        weights, _ = nnls(equations, np.array([0.0, 0.0, 0.0, SUM_WEIGHT]))
+        return float(np.linalg.norm(differences.T @ weights) / weights.sum())
 
     def _folded_by(self, share: float) -> int:
         """Return the frame at which the chain is folded by nearly this share of all turns."""
@@ -231,40 +241,6 @@ class _Folding:
         turned = self.timeline.frames(start, end).joint_angles_rad * np.sign(goal)
         goal_angles = np.abs(goal)
         return np.clip(turned, 0.0, goal_angles).sum(axis=1) / max(goal_angles.sum(), OVERLAP_PITCH)
-
-
-def _distance_from_origin(points: Array) -> float:
-    """Return the distance of the convex hull of (P, 3) points from the origin.
-
-    Algorithm of Wolfe: Finding the nearest point in a polytope, 1976. The nearest point is a
-    combination of the points ``corners``, whose weights are positive.
-    """
-    corners = [int((points**2).sum(axis=1).argmin())]
-    weights = np.ones(1)
-    rounding = 1e-12 * float((points**2).sum(axis=1).max())
-    while True:
-        nearest = weights @ points[corners]
-        towards = points @ nearest
-        corner = int(towards.argmin())
-        if towards[corner] > nearest @ nearest - rounding or corner in corners:
-            return float(np.linalg.norm(nearest))
-        corners.append(corner)
-        weights = np.append(weights, 0.0)
-        while (goal := _affine_weights(points[corners])).min() <= 0.0:
-            falls = goal < weights
-            shares = weights[falls] / (weights - goal)[falls]
-            weights = weights + shares.min() * (goal - weights)
-            stays = weights > 1e-12
-            corners = [k for k, kept in zip(corners, stays.tolist(), strict=True) if kept]
-            weights = weights[stays] / weights[stays].sum()
-        weights = goal
-
-
-def _affine_weights(points: Array) -> Array:
-    """Return weights with sum 1 of the point nearest the origin in the plane through points."""
-    sides = points[1:] - points[0]
-    along = np.linalg.lstsq(sides.T, -points[0], rcond=None)[0]
-    return np.concatenate([[1.0 - along.sum()], along])
 
 
 def _torque(

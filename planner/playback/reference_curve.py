@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from foldback.planner.arrays import Array, Flags, Ints
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.splines import BSpline
 from foldback.planner.clearance.sweep import sweep
 
 SPLINE_DEGREE: Final = 3
@@ -51,9 +49,9 @@ class Reference:
             it moves all the way.
     """
 
-    spline: BSpline
-    first: BSpline
-    second: Callable[[Array], Array]
+    spline: Any
+    first: Any
+    second: Any
     length_rad: float
     rests: Array | None = None
 
@@ -93,7 +91,9 @@ class Reference:
         # and what follows it within its joint errors.
         limit = chain.module.angle_limit_rad - JOINT_LIMIT_MARGIN_RAD
         np.clip(controls, -limit, limit, out=controls)
-        spline = BSpline(knots, controls)
+        from scipy.interpolate import BSpline  # late: who reads a plan draws no curve
+
+        spline = BSpline(knots, controls, SPLINE_DEGREE)
         first = spline.derivative()
         return cls(spline=spline, first=first, second=first.derivative(), length_rad=total)
 
@@ -136,11 +136,12 @@ def resting_reference(rests: Array) -> Reference:
     Args:
         rests: (R, J) configurations in the order of the playback.
     """
-    rests = np.ascontiguousarray(rests, dtype=np.float64)
+    from scipy.interpolate import BSpline  # as above
+
     lengths = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(rests, axis=0)).max(axis=1))])
     total = float(lengths[-1])
     at = lengths / total if total else np.linspace(0.0, 1.0, len(rests))
-    spline = BSpline(np.concatenate([at[:1], at, at[-1:]]), rests)
+    spline = BSpline(np.concatenate([at[:1], at, at[-1:]]), rests, 1)
     first = spline.derivative()
 
     def second(u: Array) -> Array:

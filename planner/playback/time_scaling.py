@@ -12,7 +12,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 from foldback.planner.arrays import Array, Flags
 from foldback.planner.chain.floating_torques import floating_torques
 from foldback.planner.chain.module import Module
-from foldback.planner.chain.splines import CubicSpline
 from foldback.planner.core import torque_passes
 from foldback.planner.playback.reference_curve import Reference
 
@@ -207,9 +206,10 @@ def scaling_from_profile(u: Array, z: Array, steps: int, step_s: float) -> TimeS
 
 def _scaling_from_times(u: Array, times: Array, steps: int, step_s: float) -> TimeScaling:
     """Return the time scaling through parameters at increasing times, in another unit of time."""
+    from scipy.interpolate import CubicSpline  # as above
+
     total = steps * step_s
-    still = np.zeros(())
-    spline = CubicSpline.through(times * (total / times[-1]), u, start_rates=still, end_rates=still)
+    spline = CubicSpline(times * (total / times[-1]), u, bc_type="clamped")
     t = np.linspace(0.0, total, steps + 1)
     path_parameters = np.clip(spline(t), 0.0, 1.0)
     rate = spline(t, 1)

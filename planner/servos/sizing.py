@@ -11,14 +11,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.cantilever_statics import GRAVITY_M_S2
 from foldback.planner.errors import InputError
-from foldback.planner.roots import find_root
 from foldback.planner.servos.module_materials import Casing
 from foldback.planner.servos.servos import Servo, servos
 
@@ -180,6 +179,8 @@ def suitable_pitches(
     Raises:
         InputError: ``bad-sizing``.
     """
+    from scipy.optimize import brentq  # late: pages start without it
+
     _check(torque_wp, share, gravity_m_s2)
     gives = share * servo.stall_nm
 
@@ -187,7 +188,9 @@ def suitable_pitches(
         return torque_wp * _unit_nm(servo, casing, pitch_m, gravity_m_s2) - gives
 
     longest = PITCH_RANGE_M[1]
-    max_pitch_m = inf if lacks(longest) <= 0.0 else find_root(lacks, 0.0, longest, tolerance=1e-12)
+    max_pitch_m = (
+        inf if lacks(longest) <= 0.0 else cast(float, brentq(lacks, 0.0, longest, xtol=1e-12))
+    )
     return PitchRange(least_m=least_pitch_m(servo, casing), most_m=max_pitch_m)
 
 

@@ -135,19 +135,18 @@ OTHER_INPUTS |= {"foldback.planner.pathfinding.shape_overlap", "foldback.planner
         {
             "import foldback.server.processes.read_task": {*COMPUTING, *WEB, *SHOWING},
             "import foldback.planner.pipeline.stages": {
-                *("mujoco", "scipy", "zarr", *WEB, *SHOWING),
+                *("mujoco", "scipy.interpolate", "scipy.ndimage", "scipy.sparse", "zarr"),
+                *(*WEB, *SHOWING),
             },
             "import foldback.server.processes.retime_task": {
-                *("mujoco", "scipy", "zarr", *WEB, *SHOWING),
+                *("mujoco", "scipy.interpolate", "zarr", *WEB, *SHOWING),
             },
             "import foldback.web.movies.make_movie": {"mujoco", "zarr", *WEB, *SHOWING},
-        },
-        {
             # No web server, no search for paths, no windows, no readers of meshes.
-            "run('fold', 'path.json', '--out', 'fold')": {"scipy", *WEB, *SHOWING, *OTHER_INPUTS},
+            "run('fold', 'path.json', '--out', 'fold')": {*WEB, *SHOWING, *OTHER_INPUTS},
         },
     ],
-    ids=["serving", "computing", "folding"],
+    ids=["serving", "computing"],
 )
 def test_each_process_starts_without_packages_of_others(
     steps: dict[str, set[str]], tmp_path: Path
