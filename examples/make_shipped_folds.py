@@ -126,12 +126,13 @@ def round_errors(directory: Path) -> None:
         return (steps + errors * (ERROR_STEP_RAD / PLAN_STEP_RAD)) * PLAN_STEP_RAD + 0.0
 
     simulated = with_rounded_errors(played.joint_angles_rad)
-    others_rad = playback.others_rad
+    others_rad, mujoco_rad = playback.others_rad, playback.mujoco_rad
     playback = replace(
         playback,
         frames=rounded(played, simulated, np.abs(simulated - reference)),
         reference_rad=reference,
         others_rad=None if others_rad is None else with_rounded_errors(np.asarray(others_rad)),
+        mujoco_rad=None if mujoco_rad is None else with_rounded_errors(np.asarray(mujoco_rad)),
     )
     playback.save(directory / PLAYBACK)
     _write_timeline(directory)
