@@ -18,6 +18,7 @@ FAST := -n logical --dist worksteal -m "not processes and not slow and not brows
 CORE := CMakeLists.txt build_backend.py $(wildcard planner/core/*.cpp planner/core/*.hpp planner/core/CMakeLists.txt)
 NODE_MODULES := node_modules/.installed
 PRETTIER := $(BIN)/node node_modules/prettier/bin/prettier.cjs --log-level warn
+CXX_FILES := planner/core/*.cpp planner/core/*.hpp bench/ode/*.cpp bench/ode/*.hpp
 SCRIPTS := "web/static/**/*.js" "tests/web/js/*.js" eslint.config.js web/types.d.ts
 
 # The first interpreter that starts and is new enough; 3.11 to 3.13 are tried ones.
@@ -106,14 +107,16 @@ sanitize: $(STAMP) ## Run tests of the core with checks of addresses, indices an
 lint: $(STAMP) $(NODE_MODULES) ## Check style and types
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
+	@$(BIN)/clang-format --dry-run --Werror $(CXX_FILES)
 	@$(BIN)/pyright
 	@$(BIN)/node node_modules/typescript/bin/tsc --project jsconfig.json
 	@$(BIN)/node node_modules/eslint/bin/eslint.js web/static tests/web/js
 	@$(PRETTIER) --check $(SCRIPTS)
 
-format: $(STAMP) $(NODE_MODULES) ## Format the code with ruff, and the pages' scripts with prettier
+format: $(STAMP) $(NODE_MODULES) ## Format Python with ruff, C++ with clang-format, and scripts with prettier
 	@$(BIN)/ruff check --fix --quiet .
 	@$(BIN)/ruff format .
+	@$(BIN)/clang-format -i $(CXX_FILES)
 	@$(PRETTIER) --write $(SCRIPTS)
 
 test-long: $(STAMP) tools ## Run long tests (crashes, replays of all shapes): an hour or more

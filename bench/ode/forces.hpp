@@ -19,18 +19,18 @@ struct Gains {
 };
 
 // Return c of equation 2: the mean of the centres.
-inline Vector centre(const std::vector<Vector>& positions) {
+inline Vector centre(const std::vector<Vector> &positions) {
   Vector sum{0.0, 0.0, 0.0};
-  for (const Vector& p : positions)
+  for (const Vector &p : positions)
     for (int k = 0; k < 3; ++k) sum[k] += p[k];
-  for (double& value : sum) value /= static_cast<double>(positions.size());
+  for (double &value : sum) value /= static_cast<double>(positions.size());
   return sum;
 }
 
 // Compute the force on each module, dyn. Equation 1: e_i = λ (p_i − c) / d. Equation 3: r_i is the
 // sum of γ / (p_j − p_i)² over the modules j that are not linked to i, directed from j to i.
-inline void explosion_forces(const std::vector<Vector>& positions, const Gains& gains,
-                             std::vector<Vector>& forces) {
+inline void explosion_forces(const std::vector<Vector> &positions, const Gains &gains,
+                             std::vector<Vector> &forces) {
   const std::size_t n = positions.size();
   const Vector c = centre(positions);
   const double cutoff_square = gains.cutoff_cm * gains.cutoff_cm;
@@ -39,8 +39,8 @@ inline void explosion_forces(const std::vector<Vector>& positions, const Gains& 
       forces[i][k] = gains.radial * (positions[i][k] - c[k]) / gains.diameter_cm;
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t j = i + 2; j < n; ++j) {
-      const Vector& p = positions[i];
-      const Vector& q = positions[j];
+      const Vector &p = positions[i];
+      const Vector &q = positions[j];
       const Vector apart{p[0] - q[0], p[1] - q[1], p[2] - q[2]};
       const double square = apart[0] * apart[0] + apart[1] * apart[1] + apart[2] * apart[2];
       if (square >= cutoff_square) continue;

@@ -35,7 +35,7 @@ constexpr long CHECK_STEPS = 25;        // steps between two checks of a chain
 constexpr long MAX_WAIT_STEPS = 3000;   // maximum steps for a snapshot; then a playback is jammed
 constexpr long END_STEPS = 500;         // steps for which the folded chain is held at the end
 
-[[noreturn]] void fail(const std::string& message) {
+[[noreturn]] void fail(const std::string &message) {
   std::fprintf(stderr, "%s\n", message.c_str());
   std::exit(2);
 }
@@ -49,7 +49,7 @@ struct Input {
   std::map<std::string, double> values;
   std::vector<Pose> folded;
 
-  double operator()(const std::string& name) const {
+  double operator()(const std::string &name) const {
     const auto entry = values.find(name);
     if (entry == values.end())
       fail("The input has no value of " + name + "; write a line \"" + name + " VALUE\".");
@@ -57,7 +57,7 @@ struct Input {
   }
 };
 
-Input read_input(const char* path) {
+Input read_input(const char *path) {
   std::ifstream file(path);
   Input input;
   std::string name;
@@ -68,8 +68,8 @@ Input read_input(const char* path) {
       continue;
     }
     input.folded.resize(static_cast<std::size_t>(value));
-    for (Pose& pose : input.folded) {
-      for (double& x : pose.position) file >> x;
+    for (Pose &pose : input.folded) {
+      for (double &x : pose.position) file >> x;
       for (int row = 0; row < 3; ++row) {
         for (int column = 0; column < 3; ++column) file >> pose.rotation[4 * row + column];
         pose.rotation[4 * row + 3] = 0.0;
@@ -94,7 +94,7 @@ class Chain {
   //
   // size: side of the cubes that collide, in pitches.
   // iterations: those of ODE's iterative solver; 0 for its direct solver.
-  Chain(const Input& input, double size, double iterations)
+  Chain(const Input &input, double size, double iterations)
       : input_(input),
         iterations_(static_cast<int>(iterations)),
         step_s_(input("step_s")),
@@ -120,7 +120,7 @@ class Chain {
       dBodySetPosition(body, pitch * static_cast<double>(i), 0.0, 0.0);
       const dGeomID geom = dCreateBox(space_, side, side, side);
       dGeomSetBody(geom, body);
-      dGeomSetData(geom, reinterpret_cast<void*>(i));
+      dGeomSetData(geom, reinterpret_cast<void *>(i));
       bodies_.push_back(body);
     }
     const dJointID rigid = dJointCreateFixed(world_, nullptr);
@@ -141,8 +141,8 @@ class Chain {
     dSpaceDestroy(space_);
     dWorldDestroy(world_);
   }
-  Chain(const Chain&) = delete;
-  Chain& operator=(const Chain&) = delete;
+  Chain(const Chain &) = delete;
+  Chain &operator=(const Chain &) = delete;
 
   std::size_t modules() const { return count_; }
   std::size_t hinges() const { return 2 * joints_.size(); }
@@ -150,7 +150,7 @@ class Chain {
 
   void fold() {
     for (std::size_t i = 0; i < count_; ++i) {
-      const Pose& pose = input_.folded[i];
+      const Pose &pose = input_.folded[i];
       const double pitch = input_("pitch_cm");
       dBodySetPosition(bodies_[i], pitch * pose.position[0], pitch * pose.position[1],
                        pitch * pose.position[2]);
@@ -174,7 +174,7 @@ class Chain {
   }
 
   // Set (J,) rates of the motors. ODE's motor rate is that of the first body against the second.
-  void set_rates(const std::vector<double>& rates) {
+  void set_rates(const std::vector<double> &rates) {
     for (std::size_t k = 0; k < joints_.size(); ++k) {
       dJointSetUniversalParam(joints_[k], dParamVel, -rates[2 * k]);
       dJointSetUniversalParam(joints_[k], dParamVel2, -rates[2 * k + 1]);
@@ -182,11 +182,11 @@ class Chain {
   }
 
   // Compute the (J,) hinge angles: R_iᵀ R_{i+1} = R_z(a) R_y(b).
-  void angles(std::vector<double>& values) const {
+  void angles(std::vector<double> &values) const {
     values.resize(hinges());
     for (std::size_t k = 0; k < joints_.size(); ++k) {
-      const dReal* first = dBodyGetRotation(bodies_[k + 1]);
-      const dReal* second = dBodyGetRotation(bodies_[k + 2]);
+      const dReal *first = dBodyGetRotation(bodies_[k + 1]);
+      const dReal *second = dBodyGetRotation(bodies_[k + 2]);
       const auto entry = [&](int row, int column) {
         return first[row] * second[column] + first[4 + row] * second[4 + column] +
                first[8 + row] * second[8 + column];
@@ -196,20 +196,20 @@ class Chain {
     }
   }
 
-  void positions(std::vector<Vector>& values) const {
+  void positions(std::vector<Vector> &values) const {
     values.resize(count_);
     for (std::size_t i = 0; i < count_; ++i) {
-      const dReal* p = dBodyGetPosition(bodies_[i]);
+      const dReal *p = dBodyGetPosition(bodies_[i]);
       values[i] = {p[0], p[1], p[2]};
     }
   }
 
-  void add_forces(const std::vector<Vector>& forces) {
+  void add_forces(const std::vector<Vector> &forces) {
     for (std::size_t i = 0; i < count_; ++i)
       dBodyAddForce(bodies_[i], forces[i][0], forces[i][1], forces[i][2]);
   }
 
-  void add_springs(double stiffness, const std::vector<double>& angles) {
+  void add_springs(double stiffness, const std::vector<double> &angles) {
     for (std::size_t k = 0; k < joints_.size(); ++k)
       dJointAddUniversalTorques(joints_[k], stiffness * angles[2 * k],
                                 stiffness * angles[2 * k + 1]);
@@ -237,8 +237,8 @@ class Chain {
   }
 
  private:
-  static void collide(void* data, dGeomID a, dGeomID b) {
-    Chain& chain = *static_cast<Chain*>(data);
+  static void collide(void *data, dGeomID a, dGeomID b) {
+    Chain &chain = *static_cast<Chain *>(data);
     const auto i = reinterpret_cast<std::size_t>(dGeomGetData(a));
     const auto j = reinterpret_cast<std::size_t>(dGeomGetData(b));
     if ((i > j ? i - j : j - i) < 2) return;  // linked modules overlap where their joint bends
@@ -253,7 +253,7 @@ class Chain {
     }
   }
 
-  const Input& input_;
+  const Input &input_;
   int iterations_;
   double step_s_;
   double friction_;
@@ -275,18 +275,18 @@ struct Phase {
   double overlap_cm = 0.0;
 };
 
-double largest(const std::vector<double>& values) {
+double largest(const std::vector<double> &values) {
   double result = 0.0;
   for (const double value : values) result = std::max(result, std::abs(value));
   return result;
 }
 
-bool is_finite(const std::vector<double>& values) {
+bool is_finite(const std::vector<double> &values) {
   return std::all_of(values.begin(), values.end(),
                      [](double value) { return std::isfinite(value); });
 }
 
-double span(const std::vector<Vector>& p) {
+double span(const std::vector<Vector> &p) {
   const Vector &a = p.front(), &b = p.back();
   return std::hypot(b[0] - a[0], b[1] - a[1], b[2] - a[2]);
 }
@@ -294,7 +294,7 @@ double span(const std::vector<Vector>& p) {
 using Rows = std::vector<std::vector<double>>;
 
 // ``record`` of Figure 2: explode the folded chain, and record its angles until it is straight.
-Phase record(const Input& input, Rows& snapshots) {
+Phase record(const Input &input, Rows &snapshots) {
   Chain chain(input, input("geom_size"), input("explosion_iterations"));
   chain.fold();
   chain.set_stops(input("stop_rad"));
@@ -334,7 +334,7 @@ Phase record(const Input& input, Rows& snapshots) {
 }
 
 // Return the largest difference of two rows of angles, rad.
-double difference(const std::vector<double>& a, const std::vector<double>& b) {
+double difference(const std::vector<double> &a, const std::vector<double> &b) {
   double result = 0.0;
   for (std::size_t k = 0; k < a.size(); ++k) result = std::max(result, std::abs(a[k] - b[k]));
   return result;
@@ -343,8 +343,8 @@ double difference(const std::vector<double>& a, const std::vector<double>& b) {
 // ``playback`` of Figure 2: servo to each snapshot, in reverse, until the largest squared error is
 // below the threshold, and for at least ``steps_per_snapshot`` steps. Set the largest error of a
 // hinge against its snapshot, rad.
-Phase play_back(const Input& input, const Rows& snapshots, Rows& frames,
-                double& largest_error_rad) {
+Phase play_back(const Input &input, const Rows &snapshots, Rows &frames,
+                double &largest_error_rad) {
   Chain chain(input, input("playback_size"), input("playback_iterations"));
   const double torque = input("motor_max_force");
   chain.set_motor_torque(torque > 0.0 ? torque : dInfinity);
@@ -389,15 +389,15 @@ Phase play_back(const Input& input, const Rows& snapshots, Rows& frames,
   return phase;
 }
 
-void write_rows(const char* path, const Rows& rows) {
+void write_rows(const char *path, const Rows &rows) {
   std::ofstream file(path, std::ios::binary);
-  for (const auto& row : rows)
-    file.write(reinterpret_cast<const char*>(row.data()),
+  for (const auto &row : rows)
+    file.write(reinterpret_cast<const char *>(row.data()),
                static_cast<std::streamsize>(row.size() * sizeof(double)));
   if (!file.flush()) fail(std::string("Cannot write ") + path + ".");
 }
 
-void print_phase(const char* name, const Phase& phase) {
+void print_phase(const char *name, const Phase &phase) {
   std::printf(
       "\"%s\": {\"status\": \"%s\", \"steps\": %ld, \"processor_s\": %.6f, "
       "\"joint_gap_cm\": %.9g, \"overlap_cm\": %.9g}, ",
@@ -407,7 +407,7 @@ void print_phase(const char* name, const Phase& phase) {
 
 }  // namespace
 
-int main(int count, char** arguments) {
+int main(int count, char **arguments) {
   if (count != 4) fail("usage: published INPUT SNAPSHOTS FRAMES");
   const Input input = read_input(arguments[1]);
   dInitODE2(0);

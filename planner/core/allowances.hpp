@@ -17,13 +17,13 @@ struct Tolerance {
 
 // Distances of the joints between two modules a and b from points of these, in pitches.
 struct Levers {
-  double longest = 0.0;         // of the smaller distance, from points of a or b: lemma 11
-  double total = 0.0;           // sum of the distances from points of b: lemma 12
-  double squares = 0.0;         // sum of their squares
+  double longest = 0.0;  // of the smaller distance, from points of a or b: lemma 11
+  double total = 0.0;    // sum of the distances from points of b: lemma 12
+  double squares = 0.0;  // sum of their squares
 };
 
-// Distance by which errors bring two modules nearer, in pitches; ∞ if unbounded. Between the two are
-// `joints` joints of `hinges` hinges each.
+// Distance by which errors bring two modules nearer, in pitches; ∞ if unbounded. Between the two
+// are `joints` joints of `hinges` hinges each.
 double allowance(const Tolerance &tolerance, const Levers &levers, double joints, double hinges);
 
 // Write the largest allowance of any two modules k links apart to out[k]. Neighbouring centres are

@@ -12,9 +12,7 @@ struct LoadViews {
   View<const double, 2> forces;
   View<const double, 1> end_torque;
 };
-auto fields(LoadViews &l) {
-  return std::tie(l.torques, l.rotor_inertias, l.forces, l.end_torque);
-}
+auto fields(LoadViews &l) { return std::tie(l.torques, l.rotor_inertias, l.forces, l.end_torque); }
 
 void unconstrained_accelerations(ChainModel model, View<const double, 1> q,
                                  View<const double, 1> qd, LoadViews loads, ModuleStates modules,

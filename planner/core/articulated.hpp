@@ -54,7 +54,7 @@ struct Accelerations {
 
 template <class T>
 struct Lump {
-  Vector<T> arm;           // from the module's centre to the lump's, in the world frame
+  Vector<T> arm;         // from the module's centre to the lump's, in the world frame
   Symmetric<T> inertia;  // about the lump's centre of mass, in the world frame
 };
 

@@ -220,8 +220,7 @@ auto ease(View<const Index, 1> path, Near near, Flags ends, Index start, Index m
     Index low = current.place(other) + 1;
     current.turn_from(low);
     Index after = current.total_distance();
-    if (after > total &&
-        random.number() >= std::exp(static_cast<double>(total - after) / heat)) {
+    if (after > total && random.number() >= std::exp(static_cast<double>(total - after) / heat)) {
       current.turn_from(low);
       continue;
     }

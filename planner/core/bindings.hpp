@@ -41,7 +41,8 @@ constexpr bool has_format(const char *format) {
                              : letter != 'l' ? 0
                              : standard      ? 4
                                              : sizeof(long);
-  return (std::is_same_v<T, std::int64_t> || std::is_same_v<T, std::int32_t>)&&length == sizeof(T);
+  return (std::is_same_v<T, std::int64_t> || std::is_same_v<T, std::int32_t>) &&
+         length == sizeof(T);
 }
 
 // Name of NumPy's type of T, for signatures.
@@ -94,8 +95,8 @@ struct type_caster<foldback::View<T, N>> {
   using Value = foldback::View<T, N>;
   template <class>
   using Cast = Value;
-  static constexpr auto Name = const_name("numpy.typing.NDArray[numpy.") +
-                               foldback::dtype_name<Element>() + const_name("]");
+  static constexpr auto Name =
+      const_name("numpy.typing.NDArray[numpy.") + foldback::dtype_name<Element>() + const_name("]");
 
   type_caster() = default;
   type_caster(const type_caster &) = delete;
@@ -139,8 +140,7 @@ struct type_caster<S> {
 
   bool from_python(handle source, std::uint32_t flags, cleanup_list *cleanup) noexcept {
     if (!PyTuple_Check(source.ptr())) return false;
-    return load(source, flags, cleanup,
-                std::make_index_sequence<std::tuple_size_v<Casters>>());
+    return load(source, flags, cleanup, std::make_index_sequence<std::tuple_size_v<Casters>>());
   }
 
   template <class>

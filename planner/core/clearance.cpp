@@ -279,8 +279,7 @@ void bind_clearance(nanobind::module_ &m) {
         require(rotations.shape() == std::array<Index, 3>{n, 3, 3}, "rotations: (n, 3, 3)");
         require_pairs(pairs, n);
         require_hull(hull);
-        Closest closest =
-            least_separation(positions, rotations, pairs, Solid(hull, size), enough);
+        Closest closest = least_separation(positions, rotations, pairs, Solid(hull, size), enough);
         return nb::make_tuple(closest.separation, closest.first, closest.second);
       },
       nb::arg("positions"), nb::arg("rotations"), nb::arg("pairs"), nb::arg("hull"),

@@ -26,10 +26,10 @@ class Solid {
  public:
   Solid(const Hull &hull, double size);
 
-  // Separation of two modules: from the centre of a to that of b leads `gap`, in pitches. The search
-  // stops when the separation is known to be at least `enough`.
-  Separation separation(const Vector<double> &gap, const Matrix<double> &a,
-                        const Matrix<double> &b, double enough) const {
+  // Separation of two modules: from the centre of a to that of b leads `gap`, in pitches. The
+  // search stops when the separation is known to be at least `enough`.
+  Separation separation(const Vector<double> &gap, const Matrix<double> &a, const Matrix<double> &b,
+                        double enough) const {
     return is_box_ ? box_separation(gap, a, b, enough) : hull_separation(gap, a, b, enough);
   }
 

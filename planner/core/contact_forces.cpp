@@ -10,9 +10,7 @@
 namespace foldback {
 
 static auto fields(PairContacts &c) { return std::tie(c.pairs, c.normals, c.points, c.depths); }
-static auto fields(ContactModel &m) {
-  return std::tie(m.time_constant, m.damping_ratio, m.solimp);
-}
+static auto fields(ContactModel &m) { return std::tie(m.time_constant, m.damping_ratio, m.solimp); }
 
 namespace {
 
@@ -26,12 +24,10 @@ Spatial<double> contact_row(const PairContacts &contacts, const ContactChain &ch
   return {cross(arm, normal), normal};
 }
 
-std::vector<Spatial<double>> contact_rows(const PairContacts &contacts,
-                                          const ContactChain &chain) {
+std::vector<Spatial<double>> contact_rows(const PairContacts &contacts, const ContactChain &chain) {
   std::vector<Spatial<double>> rows(2 * contacts.size());
   for (Index k = 0; k < contacts.size(); ++k)
-    for (int side = 0; side < 2; ++side)
-      rows[2 * k + side] = contact_row(contacts, chain, k, side);
+    for (int side = 0; side < 2; ++side) rows[2 * k + side] = contact_row(contacts, chain, k, side);
   return rows;
 }
 
@@ -178,9 +174,9 @@ void write_delassus(const PairContacts &contacts, const ContactChain &chain, dou
       }
     response.run(wrenches, top, last, nullptr);
     for (Index g = first; g < m; ++g) {  // A is symmetric
-      Columns speed = dot_with_constant(rows[2 * g], response.accelerations[contacts.pairs(g, 0)]) +
-                      dot_with_constant(rows[2 * g + 1],
-                                        response.accelerations[contacts.pairs(g, 1)]);
+      Columns speed =
+          dot_with_constant(rows[2 * g], response.accelerations[contacts.pairs(g, 0)]) +
+          dot_with_constant(rows[2 * g + 1], response.accelerations[contacts.pairs(g, 1)]);
       for (Index c = 0; c < columns; ++c) A[g * m + first + c] = A[(first + c) * m + g] = speed[c];
     }
   }
@@ -193,8 +189,8 @@ std::vector<Spatial<double>> free_accelerations(const ContactChain &chain, Index
   std::vector<Spatial<double>> accelerations(last + 1);
   Spatial<double> a = accelerations[0] = *chain.bodies.root_acceleration;
   for (Index i = 1; i <= last; ++i) {
-    a = shifted_acceleration(a, load(chain.positions[i].data()) -
-                                    load(chain.positions[i - 1].data()));
+    a = shifted_acceleration(a,
+                             load(chain.positions[i].data()) - load(chain.positions[i - 1].data()));
     if (i > chain.rigid_links)
       for (Index h = 0; h < chain.hinges; ++h)
         a = a + scaled(chain.bodies.S[i * chain.hinges + h],
@@ -343,8 +339,7 @@ bool add_contacts(const PairContacts &contacts, const ContactModel &model,
   chain.hinges == 1 ? write_delassus<1>(contacts, chain, A.data())
                     : write_delassus<2>(contacts, chain, A.data());
   for (Index k = 0; k < m; ++k)
-    A[k * m + k] +=
-        regularisation(A[k * m + k], impedance_at(contacts.depths[k], model.solimp));
+    A[k * m + k] += regularisation(A[k * m + k], impedance_at(contacts.depths[k], model.solimp));
   if (!solve_complementarity(A, b, forces)) return false;
   chain.hinges == 1 ? add_response<1>(forces, contacts, chain, out)
                     : add_response<2>(forces, contacts, chain, out);
@@ -372,8 +367,8 @@ Block transposed(const Block &a) {
 
 // Subtract (or add, with sign +1) S D⁻¹ Vᵀ from a matrix; S and V have K columns.
 template <int K>
-void add_joint_term(Block &sum, const Spatial<double> *S, const double *D,
-                    const Spatial<double> *V, double sign) {
+void add_joint_term(Block &sum, const Spatial<double> *S, const double *D, const Spatial<double> *V,
+                    double sign) {
   for (int c = 0; c < 6; ++c) {
     double x[K], y[K];
     for (int h = 0; h < K; ++h) x[h] = (&V[h].angular.x)[c];
@@ -501,7 +496,8 @@ std::vector<double> solve_by_gradients(ScaledContactProblem<K> &problem) {
   const std::size_t m = problem.b.size();
   const double step = 1.0 / (EIGENVALUE_MARGIN * largest_eigenvalue(problem));
   double tolerance = 0.0;
-  for (double bias : problem.b) tolerance = std::max(tolerance, GRADIENT_TOLERANCE * std::abs(bias));
+  for (double bias : problem.b)
+    tolerance = std::max(tolerance, GRADIENT_TOLERANCE * std::abs(bias));
   std::vector<double> x(m), y(m), next(m);
   double theta = 1.0;
   for (int iteration = 0; iteration < MAX_GRADIENT_STEPS; ++iteration) {
@@ -533,8 +529,7 @@ std::vector<double> solve_by_gradients(ScaledContactProblem<K> &problem) {
 template <int K>
 void add_many(const PairContacts &contacts, const ContactModel &model, const ContactChain &chain,
               const Accelerations<double> &out) {
-  ScaledContactProblem<K> problem(contacts, model, chain,
-                                  biases(contacts, model, chain, out.qdd));
+  ScaledContactProblem<K> problem(contacts, model, chain, biases(contacts, model, chain, out.qdd));
   add_response<K>(solve_by_gradients(problem), contacts, chain, out);
 }
 
@@ -573,9 +568,14 @@ auto with_contacts(const PairContacts &contacts, const ContactModel &contact_mod
   auto vectors = [n = modules.size()](View<const double, 2> v) {
     return View<const Vector<double>, 1>(reinterpret_cast<const Vector<double> *>(v.data()), {n});
   };
-  ContactChain chain{model.joint.rigid_links, model.root, model.joint.hinges(),
-                     modules.positions,       vectors(modules.velocities),
-                     vectors(modules.angular_velocities), bodies_of(aba), {}};
+  ContactChain chain{model.joint.rigid_links,
+                     model.root,
+                     model.joint.hinges(),
+                     modules.positions,
+                     vectors(modules.velocities),
+                     vectors(modules.angular_velocities),
+                     bodies_of(aba),
+                     {}};
   nanobind::gil_scoped_release release;
   write_inverse(aba.root_inertia, chain.inverse_root_inertia);
   return add(contacts, contact_model, chain, accelerations_of(out));

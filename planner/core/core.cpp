@@ -30,7 +30,7 @@ void bind_tetrahedron_turns(nanobind::module_ &);
 void bind_trails(nanobind::module_ &);
 void bind_window_forces(nanobind::module_ &);
 void bind_window_steps(nanobind::module_ &);
-}
+}  // namespace foldback
 
 NB_MODULE(_core, m) {
   m.doc() = "Compiled loops over arrays and named tuples of arrays.";

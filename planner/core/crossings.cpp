@@ -216,8 +216,7 @@ void bind_crossings(nanobind::module_ &m) {
   m.def("window_sums", window_sums, nb::arg("parts"), nb::arg("size"),
         "Return sums of the parts in each cube of size³ of them.");
   m.def("window_histograms", window_histograms, nb::arg("sums"), nb::arg("size"), nb::arg("full"),
-        nb::arg("levels"),
-        "Return for each offset how many windows are how full, and their sums.");
+        nb::arg("levels"), "Return for each offset how many windows are how full, and their sums.");
 }
 
 }  // namespace foldback

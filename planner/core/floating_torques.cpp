@@ -1,7 +1,8 @@
 // Inverse dynamics of a free chain by Newton and Euler: linear in its modules.
 //
-// Accelerations are propagated outwards from module 0, forces inwards from the last module (recursive
-// Newton–Euler algorithm; Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 5).
+// Accelerations are propagated outwards from module 0, forces inwards from the last module
+// (recursive Newton–Euler algorithm; Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter
+// 5).
 #include <algorithm>
 #include <limits>
 #include <vector>
@@ -16,8 +17,8 @@ namespace {
 // A module, or the lump of an end, in the frame of module 0.
 struct FloatingBody {
   double mass;
-  Vector<double> position;      // centre of mass
-  Symmetric<double> inertia;    // about the centre of mass
+  Vector<double> position;    // centre of mass
+  Symmetric<double> inertia;  // about the centre of mass
   Vector<double> velocity, omega, acceleration, alpha;
   Vector<double> arm;     // centre of mass relative to that of the chain
   Vector<double> moment;  // torque, or angular momentum, about the centre of mass
@@ -58,8 +59,8 @@ class FloatingTorques {
     cancel_momentum(&FloatingBody::velocity, &FloatingBody::omega);
     propagate_accelerations(qd, qdd);
     write_moments();
-    // Given accelerations and torques instead of velocities and angular momenta, so that the chain's
-    // momentum does not change.
+    // Given accelerations and torques instead of velocities and angular momenta, so that the
+    // chain's momentum does not change.
     cancel_momentum(&FloatingBody::acceleration, &FloatingBody::alpha);
     write_moments();
     write_hinge_torques(out);
@@ -150,8 +151,8 @@ class FloatingTorques {
     }
     whole_ = {};
     for (FloatingBody &body : bodies_) {
-      body.arm = body.position - Vector<double>{centre.x / total_, centre.y / total_,
-                                                centre.z / total_};
+      body.arm =
+          body.position - Vector<double>{centre.x / total_, centre.y / total_, centre.z / total_};
       const double m = body.mass;
       const auto &[x, y, z] = body.arm;
       whole_.xx += m * (y * y + z * z) + body.inertia.xx;
@@ -164,7 +165,8 @@ class FloatingTorques {
   }
 
   // Add the motion of one rigid body to all bodies, so that the chain has no momentum.
-  void cancel_momentum(Vector<double> FloatingBody::*linear, Vector<double> FloatingBody::*angular) {
+  void cancel_momentum(Vector<double> FloatingBody::*linear,
+                       Vector<double> FloatingBody::*angular) {
     Vector<double> momentum{}, angular_momentum{};
     for (const FloatingBody &body : bodies_) {
       Vector<double> own = scaled(body.*linear, body.mass);
@@ -182,8 +184,8 @@ class FloatingTorques {
   // Write the torques of rotation about the centres of mass: I α + ω × I ω.
   void write_moments() {
     for (FloatingBody &body : bodies_)
-      body.moment = body.inertia.times(body.alpha) +
-                    cross(body.omega, body.inertia.times(body.omega));
+      body.moment =
+          body.inertia.times(body.alpha) + cross(body.omega, body.inertia.times(body.omega));
   }
 
   // Write hinge torques: the moment about each axis that all modules beyond it need. Force and
@@ -207,7 +209,7 @@ class FloatingTorques {
   const double *inertia_;
   const Lumps &lumps_;
   Index n_;
-  std::vector<FloatingBody> bodies_;            // the modules, then the lumps of the first and the last one
+  std::vector<FloatingBody> bodies_;    // the modules, then the lumps of the first and the last one
   std::vector<Vector<double>> pivots_;  // centres of the joints to the next modules
   std::vector<Vector<double>> axes_;    // of those joints
   Symmetric<double> whole_{};

@@ -15,7 +15,8 @@ class BoxCover {
   BoxCover(View<const std::int32_t, 3> grid, Index last)
       : grid_(grid), last_(last), covered_(grid.end() - grid.begin()) {}
 
-  // Cover all cells with boxes, greedily; write smallest cell and size of each. Returns their number.
+  // Cover all cells with boxes, greedily; write smallest cell and size of each. Returns their
+  // number.
   Index run(View<Index, 2> out) {
     const Index sx = grid_.axis(0), sy = grid_.axis(1), sz = grid_.axis(2);
     Index count = 0;

@@ -1,9 +1,9 @@
 // The folded core beside the active window of a chain that is peeled.
 //
-// The core lies on the cubic lattice: an integer grid holds the index of the module in each cell. If
-// the modules 0 to `last` are still folded, the core consists of all cells with these indices. The
-// window consists of the modules `first`, `first` + 1, …; its first two are folded and belong to the
-// core. The tail consists of the modules behind the window's last one, in one line with it.
+// The core lies on the cubic lattice: an integer grid holds the index of the module in each cell.
+// If the modules 0 to `last` are still folded, the core consists of all cells with these indices.
+// The window consists of the modules `first`, `first` + 1, …; its first two are folded and belong
+// to the core. The tail consists of the modules behind the window's last one, in one line with it.
 #pragma once
 
 #include <algorithm>

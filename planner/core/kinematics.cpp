@@ -17,8 +17,8 @@ const double *hinges_behind(const Joint &joint, View<const double, 1> q, Index i
 
 // ω of the next module relative to this one, in the world frame; q and qd are the angles and
 // rates of the joint's hinges.
-Vector<double> relative_angular_velocity(Matrix<double> frame, const Joint &joint,
-                                         const double *q, const double *qd) {
+Vector<double> relative_angular_velocity(Matrix<double> frame, const Joint &joint, const double *q,
+                                         const double *qd) {
   Vector<double> omega{0.0, 0.0, 0.0};
   for (Index k = 0; k < joint.hinges(); ++k) {
     const double *axis = joint.axes[k].data();
@@ -138,10 +138,8 @@ void bind_kinematics(nanobind::module_ &m) {
         if (frames > 0) require_poses(q[0], joint, root, positions[0], rotations[0]);
         nb::gil_scoped_release release;
         for (Index f = 0; f < frames; ++f) {
-          std::copy(root_positions[f].begin(), root_positions[f].end(),
-                    positions[f][root].begin());
-          std::copy(root_rotations[f].begin(), root_rotations[f].end(),
-                    rotations[f][root].begin());
+          std::copy(root_positions[f].begin(), root_positions[f].end(), positions[f][root].begin());
+          std::copy(root_rotations[f].begin(), root_rotations[f].end(), rotations[f][root].begin());
           write_chain_poses(q[f], joint, root, positions[f], rotations[f]);
         }
       },

@@ -95,8 +95,7 @@ class Thinning {
       for (Index s = box * EDGES_PER_BOX; s < end; ++s) {
         Index e = following_[s];
         if (e < 0 || e == first || s == first || s == second || s == last) continue;
-        if (!is_separate(points_[s], points_[e], extent) &&
-            meets(points_[s], points_[e], triangle))
+        if (!is_separate(points_[s], points_[e], extent) && meets(points_[s], points_[e], triangle))
           return false;
       }
     }

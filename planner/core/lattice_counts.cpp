@@ -101,9 +101,7 @@ void bind_lattice_counts(nanobind::module_ &m) {
   m.def(
       "count_points",
       [](View<const double, 2> points, Index stride, double pitch, View<const double, 1> offset,
-         View<const Index, 1> span) {
-        return count_points({points, stride, pitch, offset, span});
-      },
+         View<const Index, 1> span) { return count_points({points, stride, pitch, offset, span}); },
       nb::arg("points"), nb::arg("stride"), nb::arg("pitch"), nb::arg("offset"), nb::arg("span"),
       "Count the points in each cell: x lies in the cell floor(x / pitch + offset).");
   m.def(

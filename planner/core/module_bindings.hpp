@@ -6,9 +6,7 @@
 
 namespace foldback {
 
-inline auto fields(Joint &j) {
-  return std::tie(j.rigid_links, j.anchor, j.axes, j.turn, j.offset);
-}
+inline auto fields(Joint &j) { return std::tie(j.rigid_links, j.anchor, j.axes, j.turn, j.offset); }
 inline auto fields(Hull &h) { return std::tie(h.vertices, h.normals, h.edges, h.radius); }
 inline auto fields(ModuleStates &s) {
   return std::tie(s.positions, s.rotations, s.velocities, s.angular_velocities);
@@ -50,7 +48,8 @@ inline void require_model(const ChainModel &model) {
 inline void require_states(const ModuleStates &modules) {
   Index n = modules.size();
   require(modules.positions.axis(1) == 3, "modules.positions: (n, 3)");
-  require(modules.rotations.shape() == std::array<Index, 3>{n, 3, 3}, "modules.rotations: (n, 3, 3)");
+  require(modules.rotations.shape() == std::array<Index, 3>{n, 3, 3},
+          "modules.rotations: (n, 3, 3)");
   require(modules.velocities.shape() == std::array<Index, 2>{n, 3}, "modules.velocities: (n, 3)");
   require(modules.angular_velocities.shape() == std::array<Index, 2>{n, 3},
           "modules.angular_velocities: (n, 3)");

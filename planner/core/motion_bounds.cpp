@@ -17,12 +17,12 @@ struct JointBounds {
 // Sums of |q̇| times bounds over the hinges between the root and a module: lemmas 2 and 3. The axis
 // of a hinge is n, the centre of its joint c.
 struct LeverSums {
-  double rate = 0.0;                               // Σ |q̇|
-  double axis_speed = 0.0;                         // Σ |q̇| |n'|
-  double axis_acceleration = 0.0;                  // Σ |q̇| |n''|
-  double axis_speed_times_speed = 0.0;             // Σ |q̇| |n'| |c'|
-  double axis_acceleration_times_distance = 0.0;   // Σ |q̇| |n''| |c|
-  double acceleration = 0.0;                       // Σ |q̇| |c''|
+  double rate = 0.0;                              // Σ |q̇|
+  double axis_speed = 0.0;                        // Σ |q̇| |n'|
+  double axis_acceleration = 0.0;                 // Σ |q̇| |n''|
+  double axis_speed_times_speed = 0.0;            // Σ |q̇| |n'| |c'|
+  double axis_acceleration_times_distance = 0.0;  // Σ |q̇| |n''| |c|
+  double acceleration = 0.0;                      // Σ |q̇| |c''|
 };
 
 // Move a point by a vector r fixed in a body: lemma 1. Adds r to its position, ω × r to its
@@ -90,9 +90,8 @@ void bound_centre(Body &body, const Body &root, double jerk, double half, const 
     jerk = std::min(jerk, lever / rest);
   }
   body.jerk_bound = jerk;
-  body.displacement_bound =
-      std::min(half * (speed + half * (0.5 * acceleration + half * jerk / 6.0)),
-               half * sums.rate * reach);
+  body.displacement_bound = std::min(
+      half * (speed + half * (0.5 * acceleration + half * jerk / 6.0)), half * sums.rate * reach);
 }
 
 // The joints of a stretch as they are met on the way from the root to one end: `step` is 1 or −1.
@@ -237,9 +236,9 @@ Approach approach_of(const Body &a, const Body &b, double half, double radius, d
   double third = third_derivative_bound(a, b, half, radius, links, magnitudes);
   motion.remainder = 0.5 * half * half * radius * (magnitudes.spin_rate + spin * spin);
   motion.remainder += half * half * half / 6.0 * third;
-  double loss = half * (length(motion.velocity) + 0.5 * half * length(motion.acceleration) +
-                        radius * spin) +
-                motion.remainder;
+  double loss =
+      half * (length(motion.velocity) + 0.5 * half * length(motion.acceleration) + radius * spin) +
+      motion.remainder;
   return {motion, loss, magnitudes.distance};
 }
 
@@ -296,8 +295,8 @@ void bind_motion_bounds(nanobind::module_ &m) {
       nb::arg("bodies"), "Write all bodies of a stretch of a chain: lemmas 1 to 4.");
   m.def(
       "relative_motion_bound",
-      [](View<const double, 1> a, View<const double, 1> b, double half, double radius,
-         double links, View<double, 1> relative) {
+      [](View<const double, 1> a, View<const double, 1> b, double half, double radius, double links,
+         View<double, 1> relative) {
         require(relative.size() == RELATIVE_COLUMNS, "relative: (RELATIVE_COLUMNS,)");
         Approach approach = approach_of(body_at(a), body_at(b), half, radius, links);
         *reinterpret_cast<RelativeMotion *>(relative.data()) = approach.motion;

@@ -20,10 +20,10 @@ struct Body {
   Vector<double> position;
   Matrix<double> rotation;
   Vector<double> velocity, acceleration, omega, alpha;  // alpha is ω'
-  double speed_bound;         // W of |ω| over |s| ≤ h: lemma 2
-  double acceleration_bound;  // A of |ω'|
-  double angular_jerk_bound;  // T of |ω''|
-  double jerk_bound;          // J of |p'''|: lemma 3
+  double speed_bound;                                   // W of |ω| over |s| ≤ h: lemma 2
+  double acceleration_bound;                            // A of |ω'|
+  double angular_jerk_bound;                            // T of |ω''|
+  double jerk_bound;                                    // J of |p'''|: lemma 3
   double displacement_bound;  // D of the centre's displacement from s = 0: lemma 4
   double rate_sum;            // Σ|q̇| over the hinges from the root on, negative on its other side
 };
@@ -52,7 +52,7 @@ void move_bodies(View<const double, 1> angles, View<const double, 1> rates, doub
 // Python.
 struct RelativeMotion {
   Vector<double> velocity, acceleration, omega;  // u, e and ψ as seen from a at s = 0
-  double remainder;  // how near any point of b gets besides these
+  double remainder;                              // how near any point of b gets besides these
 };
 constexpr Index RELATIVE_COLUMNS = 10;
 static_assert(sizeof(RelativeMotion) == RELATIVE_COLUMNS * sizeof(double));
@@ -64,8 +64,8 @@ struct Approach {
   double distance;  // of the centres at s = 0
 };
 
-// Bound how near body b gets to body a within |s| ≤ half: lemmas 5 and 6. `radius` is ρ, of the ball
-// about a module, `links` the number k of links between the two that move against each other.
+// Bound how near body b gets to body a within |s| ≤ half: lemmas 5 and 6. `radius` is ρ, of the
+// ball about a module, `links` the number k of links between the two that move against each other.
 Approach approach_of(const Body &a, const Body &b, double half, double radius, double links);
 
 // loss(n) of lemma 6: how near any point of b gets along a unit axis fixed in a.

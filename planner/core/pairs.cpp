@@ -50,7 +50,8 @@ struct CellGrid {
       }
       double side = std::floor(high / cutoff) - std::floor(low / cutoff) + 3.0;
       count *= side;
-      if (!std::isfinite(sum) || !(count <= MAX_CELLS_PER_POINT * points.size())) {  // so that all fits into integers
+      if (!std::isfinite(sum) ||
+          !(count <= MAX_CELLS_PER_POINT * points.size())) {  // so that all fits into integers
         count = std::numeric_limits<double>::infinity();
         return;
       }
@@ -93,7 +94,8 @@ void search_cells(View<const double, 2> points, const CellGrid &grid, double cut
         Index row = cells[i] + (x * grid.sides[1] + y) * grid.sides[2];
         for (Index place = starts[row - 1]; place < starts[row + 2]; ++place) {
           Vector<double> gap = point - sorted[place];
-          if (order[place] >= i + apart && dot(gap, gap) < limit) pairs.push_back({i, order[place]});
+          if (order[place] >= i + apart && dot(gap, gap) < limit)
+            pairs.push_back({i, order[place]});
         }
       }
     std::sort(pairs.begin() + begin, pairs.end(),
@@ -171,8 +173,8 @@ void bind_pairs(nanobind::module_ &m) {
         require_pairs(pairs, modules.size());
         double largest = 0.0;
         for (Index k = 0; k < pairs.size(); ++k)
-          largest = std::max(
-              largest, pair_inverse_step_limit(pairs(k, 0), pairs(k, 1), modules, limits));
+          largest =
+              std::max(largest, pair_inverse_step_limit(pairs(k, 0), pairs(k, 1), modules, limits));
         return largest;
       },
       nb::arg("modules"), nb::arg("pairs"), nb::arg("limits"),

@@ -49,9 +49,9 @@ inline double inverse_step_limit(const Vector<double> &gap, const Vector<double>
   double closing = -velocity.x * gap.x - velocity.y * gap.y - velocity.z * gap.z;
   closing = std::max(closing / std::max(distance, 1e-9), 0.0) + surface_speed;
   double clearance = std::max(distance - 2.0 * limits.radius, 0.0);
-  return std::max(closing / (limits.approach + 0.5 * clearance),
-                  (std::sqrt(dot(velocity, velocity)) + surface_speed) /
-                      (limits.slide + 0.5 * clearance));
+  return std::max(
+      closing / (limits.approach + 0.5 * clearance),
+      (std::sqrt(dot(velocity, velocity)) + surface_speed) / (limits.slide + 0.5 * clearance));
 }
 
 // 1/Δt_max in 1/s of two modules, in a frame that turns as both do on average. A common rigid

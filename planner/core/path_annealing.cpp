@@ -39,12 +39,18 @@ class LatticePath {
   // Try a move; true if it changed the path.
   bool changed(Index kind, double limit, Random &random) {
     switch (kind) {
-      case DETOUR: return detour(limit, random);
-      case CUT: return cut(limit, random);
-      case CORNER: return flip_corner(limit, random);
-      case BACKBITE: return backbite(random);
-      case PARALLEL: return exchange(random);
-      default: return move_ends(kind, limit, random);
+      case DETOUR:
+        return detour(limit, random);
+      case CUT:
+        return cut(limit, random);
+      case CORNER:
+        return flip_corner(limit, random);
+      case BACKBITE:
+        return backbite(random);
+      case PARALLEL:
+        return exchange(random);
+      default:
+        return move_ends(kind, limit, random);
     }
   }
 

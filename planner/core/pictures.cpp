@@ -8,8 +8,8 @@
 namespace foldback {
 namespace {
 
-// Draw triangles over `picture`, the nearest one at each pixel. `nearness`, the inverse of the depth
-// of what is drawn, is linear across a triangle, unlike the depth.
+// Draw triangles over `picture`, the nearest one at each pixel. `nearness`, the inverse of the
+// depth of what is drawn, is linear across a triangle, unlike the depth.
 void draw_triangles(View<std::uint8_t, 3> picture, View<float, 2> nearness,
                     View<const float, 3> corners, View<const float, 3> colours) {
   const Index height = picture.axis(0), width = picture.axis(1);
@@ -66,9 +66,9 @@ void block_light(Index i, View<const float, 1> ball, float fade, View<const floa
       along += apart * light[k];
     }
     if (ahead > 0.0f)
-      sky(i, f) *= 1.0f - std::min(fade * ahead * radius * radius /
-                                       (square * std::sqrt(square) + 1e-9f),
-                                   1.0f);
+      sky(i, f) *=
+          1.0f -
+          std::min(fade * ahead * radius * radius / (square * std::sqrt(square) + 1e-9f), 1.0f);
     if (along > 0.0f) {
       const float off = std::sqrt(std::max(square - along * along, 0.0f)),
                   penumbra = 0.25f + 0.35f * along,

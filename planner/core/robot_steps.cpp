@@ -14,9 +14,9 @@ namespace foldback {
 // Separation in pitches below which modules may touch. MuJoCo finds no contact from there on: its
 // own collision of boxes and of hulls is off by less.
 constexpr double MIN_FREE_SEPARATION = 1e-6;
-// Separation in pitches up to which a test of all pairs looks. Until modules have moved by half of the
-// least one, no two of them touch, and no test is made. A little less than the gap between modules
-// of the default size, whose first separating axis then suffices.
+// Separation in pitches up to which a test of all pairs looks. Until modules have moved by half of
+// the least one, no two of them touch, and no test is made. A little less than the gap between
+// modules of the default size, whose first separating axis then suffices.
 constexpr double MAX_TESTED_SEPARATION = 0.04;
 // Modules fewer links apart never touch: MuJoCo does not look for contacts of neighbours.
 constexpr Index MIN_CONTACT_GAP = 2;
@@ -126,8 +126,7 @@ class RobotLoop {
                     MIN_CONTACT_GAP, pairs_);
     double least = MAX_TESTED_SEPARATION;
     for (auto [i, j] : pairs_) {
-      Vector<double> gap =
-          load(modules_.positions[j].data()) - load(modules_.positions[i].data());
+      Vector<double> gap = load(modules_.positions[j].data()) - load(modules_.positions[i].data());
       least = std::min(least, solid_
                                   .separation(gap, load_matrix(modules_.rotations[i].data()),
                                               load_matrix(modules_.rotations[j].data()), least)
@@ -231,8 +230,7 @@ Index robot_steps(RobotBody robot, ServoTargets targets, View<const double, 2> n
   require(robot.servos.offsets.size() == J && robot.servos.friction.size() == J,
           "servos.offsets, friction: (J,)");
   require(robot.centre.size() == 3, "centre: (3,)");
-  require(robot.size > 0.0 && robot.size * robot.hull.radius < 0.25 * MAX_CUTOFF,
-          "size: positive");
+  require(robot.size > 0.0 && robot.size * robot.hull.radius < 0.25 * MAX_CUTOFF, "size: positive");
   const std::array<Index, 2> shape{S, J};
   require(targets.q.shape() == shape && targets.qd.shape() == shape &&
               targets.feedforward.shape() == shape && noise.shape() == shape,

@@ -11,9 +11,9 @@ namespace {
 
 // Indices of a chain's S segments in MuJoCo's state.
 struct SegmentLayout {
-  View<const Index, 1> starts;                   // (S,) first modules of the segments
-  View<const Index, 1> hinge_qpos, hinge_dofs;   // (J,) indices of the hinges in qpos and qvel
-  View<const Index, 1> root_qpos, root_dofs;     // (S,) those of the segments' free joints
+  View<const Index, 1> starts;                  // (S,) first modules of the segments
+  View<const Index, 1> hinge_qpos, hinge_dofs;  // (J,) indices of the hinges in qpos and qvel
+  View<const Index, 1> root_qpos, root_dofs;    // (S,) those of the segments' free joints
 };
 auto fields(SegmentLayout &l) {
   return std::tie(l.starts, l.hinge_qpos, l.hinge_dofs, l.root_qpos, l.root_dofs);
@@ -42,7 +42,8 @@ void write_quaternion(View<const double, 2> m, double *out) {
   for (int k = 0; k < 4; ++k) out[k] = q[k] / length;
 }
 
-// Write the velocities of the segments' roots into MuJoCo's qvel: it has ω in the frame of the body.
+// Write the velocities of the segments' roots into MuJoCo's qvel: it has ω in the frame of the
+// body.
 void write_velocities(const ModuleStates &modules, View<const Index, 1> starts,
                       View<const Index, 1> root_dofs, View<double, 1> out) {
   for (Index k = 0; k < starts.size(); ++k) {

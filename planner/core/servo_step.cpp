@@ -204,12 +204,11 @@ void bind_servo_step(nanobind::module_ &m) {
   m.def(
       "servo_torques",
       [](View<const double, 1> q, View<const double, 1> qd, ServoTarget target,
-         View<const double, 1> noise, RobotServos servos, double step_s,
-         View<double, 1> commanded, View<double, 1> friction_damping) {
-        for (const auto &array : {qd, target.q, target.qd, target.feedforward, noise,
-                                  servos.offsets, servos.friction,
-                                  View<const double, 1>(commanded),
-                                  View<const double, 1>(friction_damping)})
+         View<const double, 1> noise, RobotServos servos, double step_s, View<double, 1> commanded,
+         View<double, 1> friction_damping) {
+        for (const auto &array :
+             {qd, target.q, target.qd, target.feedforward, noise, servos.offsets, servos.friction,
+              View<const double, 1>(commanded), View<const double, 1>(friction_damping)})
           require(array.size() == q.size(), "all arrays: (J,)");
         write_servo_torques(q, qd, target, noise, servos, step_s, commanded, friction_damping);
       },
@@ -232,8 +231,7 @@ void bind_servo_step(nanobind::module_ &m) {
       "Returns True if all hinge angles are finite.");
   m.def(
       "remove_net_momentum",
-      [](ChainModel model, View<const double, 1> centre, ReducedState state,
-         ModuleStates modules) {
+      [](ChainModel model, View<const double, 1> centre, ReducedState state, ModuleStates modules) {
         require_state(state, model, modules);
         require(centre.size() == 3, "centre: (3,)");
         nb::gil_scoped_release release;

@@ -24,8 +24,8 @@ struct ReducedState {
 };
 
 inline auto fields(RobotServos &s) {
-  return std::tie(s.offsets, s.friction, s.encoder_rad, s.stiffness, s.damping,
-                  s.expected_friction, s.limit);
+  return std::tie(s.offsets, s.friction, s.encoder_rad, s.stiffness, s.damping, s.expected_friction,
+                  s.limit);
 }
 inline auto fields(ServoTarget &t) { return std::tie(t.q, t.qd, t.feedforward); }
 inline auto fields(ReducedState &s) {
@@ -33,8 +33,7 @@ inline auto fields(ReducedState &s) {
 }
 
 // Raise ValueError unless these are arrays of one chain.
-void require_state(const ReducedState &state, const ChainModel &model,
-                   const ModuleStates &modules);
+void require_state(const ReducedState &state, const ChainModel &model, const ModuleStates &modules);
 
 // Write the torques of servos as if the present angles were those at the end of the step.
 void write_servo_torques(View<const double, 1> q, View<const double, 1> qd,

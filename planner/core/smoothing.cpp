@@ -97,8 +97,7 @@ void write_displacements(View<const double, 2> q, Joint joint, View<double, 1> l
                          View<double, 1> mean) {
   require_configurations(q, joint);
   require(q.size() > 0, "q: at least one configuration");
-  require(largest.size() == q.size() - 1 && mean.size() == q.size() - 1,
-          "largest, mean: (F - 1,)");
+  require(largest.size() == q.size() - 1 && mean.size() == q.size() - 1, "largest, mean: (F - 1,)");
   PosedChain chain(joint, q.axis(1));
   Index n = chain.modules();
   std::vector<Vector<double>> before(n), present(n);

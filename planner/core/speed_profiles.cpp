@@ -37,10 +37,10 @@ constexpr double MIN_INERTIA = 1e-12;
 
 // A path in N cells: the slopes q' of J hinges at both knots of a cell lie between two rows.
 struct PathCells {
-  View<const double, 2> slopes;     // (K, J)
-  View<const Index, 1> left, right; // (N,) rows of `slopes`
-  View<const double, 2> fractions;  // (N, 2) from the left to the right one at both knots
-  View<const double, 1> lengths;    // (N,) in s
+  View<const double, 2> slopes;      // (K, J)
+  View<const Index, 1> left, right;  // (N,) rows of `slopes`
+  View<const double, 2> fractions;   // (N, 2) from the left to the right one at both knots
+  View<const double, 1> lengths;     // (N,) in s
   Index size() const { return lengths.size(); }
 };
 
@@ -194,8 +194,8 @@ double reachable(View<const double, 1> a, View<const double, 1> b, double z, dou
   return z + 2.0 * least * step;
 }
 
-auto torque_passes(View<const double, 2> a, View<const double, 2> b,
-                   View<const double, 1> ceiling, double step) {
+auto torque_passes(View<const double, 2> a, View<const double, 2> b, View<const double, 1> ceiling,
+                   double step) {
   Index count = ceiling.size(), last = count - 1;
   require(count > 0, "ceiling: at least one sample");
   require(a.size() == count && b.shape() == a.shape(), "a, b: (U, J)");

@@ -52,7 +52,6 @@ constexpr int MAX_CORNERS = 16;
 // Module number that stands for the floor.
 constexpr Index FLOOR = -1;
 
-
 using Vectors = std::span<const Vector<double>>;
 
 // Hull of a module with its faces and edges: the named tuple `FacetedHull` of Python.
@@ -153,8 +152,7 @@ FaceGap best_face(const PlacedHull &hull, const FacetedHull &solid, const Placed
   for (std::size_t f = 0; f < hull.normals.size(); ++f) {
     const Vector<double> &normal = hull.normals[f];
     double least = INFINITE;
-    for (const Vector<double> &corner : other.corners)
-      least = std::min(least, dot(normal, corner));
+    for (const Vector<double> &corner : other.corners) least = std::min(least, dot(normal, corner));
     Index face = static_cast<Index>(f);
     double gap = least - dot(normal, hull.corners[solid.loops(face, 0)]);
     if (gap > best.gap) best = {gap, face};
@@ -218,7 +216,7 @@ bool between_edges(const Edge &a, const Edge &b, Vector<double> &point) {
 
 // Part of a polygon in front of a plane through a point, with a normal that leads inwards.
 ContactArea clipped(const ContactArea &polygon, const Vector<double> &point,
-                const Vector<double> &inward) {
+                    const Vector<double> &inward) {
   ContactArea part;
   double level = dot(point, inward);
   for (int k = 0; k < polygon.count; ++k) {
@@ -234,8 +232,8 @@ ContactArea clipped(const ContactArea &polygon, const Vector<double> &point,
 
 // A face of a module in the world frame.
 struct Face {
-  Vectors corners;                // of its module
-  std::span<const Index> loop;    // its own
+  Vectors corners;              // of its module
+  std::span<const Index> loop;  // its own
   Vector<double> normal;
   const Vector<double> &corner(std::size_t k) const { return corners[loop[k % loop.size()]]; }
 
@@ -316,8 +314,8 @@ class ContactSearch {
       Vectors corners = hulls_[i].corners;
       for (std::size_t v = 0; v < corners.size(); ++v)
         if (corners[v].z <= floor_gap)
-          points_.push_back({i, FLOOR, static_cast<Index>(v), corners[v], {0.0, 0.0, 1.0},
-                             corners[v].z});
+          points_.push_back(
+              {i, FLOOR, static_cast<Index>(v), corners[v], {0.0, 0.0, 1.0}, corners[v].z});
     }
   }
 
@@ -375,8 +373,7 @@ void require_faceted_hull(const FacetedHull &hull) {
   Index corners = hull.vertices.size(), faces = hull.normals.size();
   require(corners > 0 && hull.vertices.axis(1) == 3, "solid.vertices: (V, 3)");
   require(faces > 0 && hull.normals.axis(1) == 3, "solid.normals: (F, 3)");
-  require(hull.loops.size() == faces && hull.loops.axis(1) > 0 &&
-              hull.loops.axis(1) <= MAX_CORNERS,
+  require(hull.loops.size() == faces && hull.loops.axis(1) > 0 && hull.loops.axis(1) <= MAX_CORNERS,
           "solid.loops: (F, M), at most 16 corners each");
   for (Index corner : hull.loops)
     require(corner >= -1 && corner < corners, "solid.loops: -1 to V - 1");
@@ -401,12 +398,11 @@ auto contact_arrays(const std::vector<ContactPoint> &contacts) {
     store(contact.normal, normals.data() + 3 * k);
     gaps.push_back(contact.gap);
   }
-  return named_tuple("ContactPoints", owned_array(std::move(first), {count}),
-                     owned_array(std::move(second), {count}),
-                     owned_array(std::move(feature), {count}),
-                     owned_array(std::move(points), {count, 3}),
-                     owned_array(std::move(normals), {count, 3}),
-                     owned_array(std::move(gaps), {count}));
+  return named_tuple(
+      "ContactPoints", owned_array(std::move(first), {count}),
+      owned_array(std::move(second), {count}), owned_array(std::move(feature), {count}),
+      owned_array(std::move(points), {count, 3}), owned_array(std::move(normals), {count, 3}),
+      owned_array(std::move(gaps), {count}));
 }
 
 auto contact_points(View<const double, 2> positions, View<const double, 3> rotations,

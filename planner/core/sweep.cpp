@@ -31,7 +31,6 @@ constexpr double ROUNDING_MARGIN = 1e-9;
 // close to the smallest clearance seen; after it any positive bound will do. Decision 0012.
 constexpr int TIGHT_BISECTIONS = 8;
 
-
 // First and last module of the stretch whose hinges are `first` to `last` − 1.
 std::pair<Index, Index> moving_modules(const Shape &shape, Index first, Index last) {
   if (shape.root >= 0) return {0, shape.modules() - 1};
@@ -337,8 +336,7 @@ void Sweep::check_pair(const Pair &pair, double half, double target, Check &chec
       solid_.separation(b.position - a.position, a.rotation, b.rotation,
                         std::max(check.clearance, check.lower_bound + loss) + error);
   double nearing = error;
-  const bool erring =
-      shape_.tolerance.one_hinge_rad > 0.0 || shape_.tolerance.each_hinge_rad > 0.0;
+  const bool erring = shape_.tolerance.one_hinge_rad > 0.0 || shape_.tolerance.each_hinge_rad > 0.0;
   if (erring && separation - error < std::max(check.clearance, check.lower_bound + loss)) {
     error = nearing = std::min(error, pair_allowance(a, b, pair, half, 1.0));
     if (half > 0.0 && separation - error < check.clearance)
@@ -360,8 +358,8 @@ void Sweep::check_pair(const Pair &pair, double half, double target, Check &chec
   }
 }
 
-// Check pairs in an interval, or only at its middle if it has no width. Clearances of the cutoff and
-// more are not told apart.
+// Check pairs in an interval, or only at its middle if it has no width. Clearances of the cutoff
+// and more are not told apart.
 Sweep::Check Sweep::check_pairs(double half, const Pair *begin, const Pair *end, double cutoff,
                                 double target) {
   Check check{cutoff, -1, -1, half > 0.0 ? cutoff : -INFINITE};
@@ -397,9 +395,8 @@ SweepResult Sweep::check_interval(double cutoff, double least) {
   while (!stack.empty()) {
     const Interval interval = stack.back();
     stack.pop_back();
-    double target = interval.bisections < TIGHT_BISECTIONS
-                        ? ratio_ * std::min(least, result.clearance)
-                        : 0.0;
+    double target =
+        interval.bisections < TIGHT_BISECTIONS ? ratio_ * std::min(least, result.clearance) : 0.0;
     target = std::max(ROUNDING_MARGIN, target);
     const std::size_t held = unresolved_.size();
     Check check{cutoff, -1, -1, cutoff};
@@ -528,12 +525,11 @@ auto rigid_clearances(View<const double, 2> positions, View<const double, 3> rot
   std::vector<Pair> closest(n, Pair{-1, -1});
   for (Index p = 0; p < pairs.size(); ++p) {
     Index i = pairs(p, 0), j = pairs(p, 1);
-    double separation =
-        solid
-            .separation(load(positions[j].data()) - load(positions[i].data()),
-                        load_matrix(rotations[i].data()), load_matrix(rotations[j].data()),
-                        least[j])
-            .distance;
+    double separation = solid
+                            .separation(load(positions[j].data()) - load(positions[i].data()),
+                                        load_matrix(rotations[i].data()),
+                                        load_matrix(rotations[j].data()), least[j])
+                            .distance;
     if (separation < least[j]) {
       least[j] = separation;
       closest[j] = {i, j};
@@ -551,8 +547,8 @@ auto rigid_clearances(View<const double, 2> positions, View<const double, 3> rot
 
 static auto fields(Angles &a) { return std::tie(a.first, a.offsets, a.shift, a.values); }
 static auto fields(Shape &s) {
-  return std::tie(s.joint, s.hull, s.size, s.min_checked_gap, s.root, s.folded_rad, s.core,
-                  s.boxes, s.origin, s.width, s.cells, s.starts, s.members, s.tail_positions,
+  return std::tie(s.joint, s.hull, s.size, s.min_checked_gap, s.root, s.folded_rad, s.core, s.boxes,
+                  s.origin, s.width, s.cells, s.starts, s.members, s.tail_positions,
                   s.tail_rotations, s.tolerance);
 }
 

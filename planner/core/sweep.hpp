@@ -54,12 +54,12 @@ struct Angles {
 
 // The closest place of some frames and between them.
 struct SweepResult {
-  double clearance;      // least one seen, in pitches
-  double frame;          // frame number of it; a fraction means between two
-  Index first, second;   // the two modules; −1 if nothing is nearer than the cutoff
-  double lower_bound;    // of the clearance everywhere
-  double unproved_at;    // frame number around which nothing was proved; −1 if all is proved
-  Index midpoints;       // configurations between frames that were checked
+  double clearance;     // least one seen, in pitches
+  double frame;         // frame number of it; a fraction means between two
+  Index first, second;  // the two modules; −1 if nothing is nearer than the cutoff
+  double lower_bound;   // of the clearance everywhere
+  double unproved_at;   // frame number around which nothing was proved; −1 if all is proved
+  Index midpoints;      // configurations between frames that were checked
 };
 
 // Motion of a chain from one frame to another one.
@@ -67,7 +67,8 @@ struct Stretch {
   Index low, high;  // first and last module of the stretch
   Joint joint;      // the module's, with the rigid links at the start of the stretch
   Index root;       // body of the stretch that is held still
-  std::vector<double> start, rates;  // hinge angles in the first frame; what is added up to the other
+  std::vector<double> start,
+      rates;  // hinge angles in the first frame; what is added up to the other
 };
 
 class Sweep {
@@ -126,7 +127,7 @@ class Sweep {
   // Of the interval at hand.
   double cutoff_of_interval_ = 0.0;
   Stretch part_;
-  std::vector<Body> bodies_;                   // the modules of the stretch
+  std::vector<Body> bodies_;                    // the modules of the stretch
   std::vector<double> positions_, angles_now_;  // their centres, and their hinge angles
   // Largest allowance of a pair by the number of links between: of the folded and the moving
   // modules, and of a pair with the tail.

@@ -49,9 +49,7 @@ struct TetrahedronScratch {
   View<Index, 1> contacts;
 };
 
-auto fields(TurningGaps &t) {
-  return std::tie(t.keys, t.gaps, t.used, t.hull, t.size, t.reach);
-}
+auto fields(TurningGaps &t) { return std::tie(t.keys, t.gaps, t.used, t.hull, t.size, t.reach); }
 auto fields(TetrahedronScratch &s) {
   return std::tie(s.nodes, s.axes, s.seen, s.cells, s.modules, s.contacts);
 }
@@ -197,8 +195,8 @@ double gap_of(const CellPair &pair, const TurningGaps &table) {
     if (table.keys[at] < 0) {
       if (2 * table.used[0] > mask) return -1.0;
       table.keys[at] = key;
-      table.gaps[at] = static_cast<float>(
-          turning_gap(moving, resting, table.hull, table.size, table.reach));
+      table.gaps[at] =
+          static_cast<float>(turning_gap(moving, resting, table.hull, table.size, table.reach));
       ++table.used[0];
       break;
     }
@@ -518,8 +516,7 @@ void bind_tetrahedron_turns(nanobind::module_ &m) {
         nb::arg("contacts"),
         "Count the touching pairs that are not linked after each turn of a state, clear or not.");
   m.def("test_tetrahedron_turns", test_turns, nb::arg("levels"), nb::arg("hinges"),
-        nb::arg("changes"), nb::arg("room"), nb::arg("table"), nb::arg("scratch"),
-        nb::arg("clear"),
+        nb::arg("changes"), nb::arg("room"), nb::arg("table"), nb::arg("scratch"), nb::arg("clear"),
         "Test which turns of a state are clear; return 0, or -1 if the table is full.");
   m.def("clear_tetrahedron_turns", clear_turns, nb::arg("start"), nb::arg("hinges"),
         nb::arg("changes"), nb::arg("room"), nb::arg("table"), nb::arg("scratch"),

@@ -131,8 +131,7 @@ class TrailSet {
         Index bits = parity ^ ((k & 1) << (2 - one)) ^ ((k >> 1) << (2 - two));
         Index other = bits ^ (4 >> axis);
         if (bits == 0 || bits == 7 || other == 0 || other == 7) continue;
-        Index node =
-            corner + (k & 1) * field_.steps[2 * one] + (k >> 1) * field_.steps[2 * two];
+        Index node = corner + (k & 1) * field_.steps[2 * one] + (k >> 1) * field_.steps[2 * two];
         ring[count++] = 3 * node + axis;
       }
     }

@@ -12,19 +12,17 @@ struct StepLimits {
   double tail_turn_rad;  // turn of the tail
   PairLimits pair;       // displacements of two modules relative to each other
 };
-static auto fields(StepLimits &l) {
-  return std::tie(l.joint_rad, l.body, l.tail_turn_rad, l.pair);
-}
+static auto fields(StepLimits &l) { return std::tie(l.joint_rad, l.body, l.tail_turn_rad, l.pair); }
 
 // Strengths and directions of the forces on a window's m modules.
 struct WindowLoads {
   View<const double, 1> weights;  // (m,) relative radial gains of the modules
   View<const double, 1> source;   // (3,) point from which the radial forces diverge
   View<const double, 1> heading;  // (3,) unit vector of the pull on the last module
-  double cutoff;   // distance in pitches beyond which modules and cells do not repel
-  double gain;     // γ of the paper's equation 3
-  double tension;  // largest sum of radial forces beyond a joint
-  double pull;     // force along the heading
+  double cutoff;                  // distance in pitches beyond which modules and cells do not repel
+  double gain;                    // γ of the paper's equation 3
+  double tension;                 // largest sum of radial forces beyond a joint
+  double pull;                    // force along the heading
 };
 static auto fields(WindowLoads &l) {
   return std::tie(l.weights, l.source, l.heading, l.cutoff, l.gain, l.tension, l.pull);
@@ -37,8 +35,7 @@ void write_radial_forces(View<const double, 2> positions, const WindowLoads &loa
                          View<double, 2> out) {
   const Index count = positions.size();
   for (Index k = 0; k < count; ++k)
-    for (int r = 0; r < 3; ++r)
-      out(k, r) = loads.weights[k] * (positions(k, r) - loads.source[r]);
+    for (int r = 0; r < 3; ++r) out(k, r) = loads.weights[k] * (positions(k, r) - loads.source[r]);
   double largest = 0.0;
   Vector<double> sum{0.0, 0.0, 0.0};
   for (Index k = count - 1; k >= FIXED - 1; --k) {
@@ -70,8 +67,8 @@ void for_near_pairs(View<const double, 2> positions, double cutoff, F call) {
 
 // Add repulsion to (m, 3) forces, gain / distance² each: equation 3 of the paper. The window's
 // modules repel each other, and the core's cells repel them.
-void add_repulsion(View<const double, 2> positions, const WindowLoads &loads,
-                   const CoreCells &core, View<double, 2> out) {
+void add_repulsion(View<const double, 2> positions, const WindowLoads &loads, const CoreCells &core,
+                   View<double, 2> out) {
   for_near_pairs(positions, loads.cutoff,
                  [&](Index i, Index j, const Vector<double> &gap, double square) {
                    square = std::max(square, MIN_REPULSION_SQUARE);
@@ -101,12 +98,11 @@ double core_step_limit(const ModuleStates &modules, const CoreCells &core, doubl
     Vector<double> omega = load(modules.angular_velocities[k].data());
     Vector<double> velocity = load(modules.velocities[k].data());
     double surface_speed = limits.radius * std::sqrt(dot(omega, omega));
-    for_near_core_cells(core, modules.positions[k].data(), k, reach,
-                        [&](const Vector<double> &gap, double square) {
-                          if (square < cutoff * cutoff)
-                            largest = std::max(largest, inverse_step_limit(gap, velocity,
-                                                                           surface_speed, limits));
-                        });
+    for_near_core_cells(
+        core, modules.positions[k].data(), k, reach, [&](const Vector<double> &gap, double square) {
+          if (square < cutoff * cutoff)
+            largest = std::max(largest, inverse_step_limit(gap, velocity, surface_speed, limits));
+        });
   }
   return largest;
 }
@@ -150,13 +146,12 @@ double window_step_limit(View<const double, 1> qd, const ModuleStates &modules,
     Vector<double> velocity = load(modules.velocities[k].data());
     fastest_square = std::max(fastest_square, dot(velocity, velocity));
   }
-  largest = std::max({largest, fastest_hinge / limits.joint_rad,
-                      std::sqrt(fastest_square) / limits.body});
+  largest = std::max(
+      {largest, fastest_hinge / limits.joint_rad, std::sqrt(fastest_square) / limits.body});
   if (tail == 0) return largest;
   // However long it is, a tail outside the box must not come in within one step.
   Vector<double> omega = load(modules.angular_velocities[modules.size() - 1].data());
-  return std::max({largest,
-                   tail_speed(modules, core, tail, cutoff, limits) / limits.pair.approach,
+  return std::max({largest, tail_speed(modules, core, tail, cutoff, limits) / limits.pair.approach,
                    std::sqrt(dot(omega, omega)) / limits.tail_turn_rad});
 }
 
@@ -183,8 +178,8 @@ void bind_window_forces(nanobind::module_ &m) {
       "Return (m, 3) forces: radial ones (eq. 1 of the paper), the pull, and repulsion (eq. 3).");
   m.def(
       "window_inverse_step_limit",
-      [](View<const double, 1> qd, ModuleStates modules, CoreCells core, Index tail,
-         double cutoff, StepLimits limits) {
+      [](View<const double, 1> qd, ModuleStates modules, CoreCells core, Index tail, double cutoff,
+         StepLimits limits) {
         require_states(modules);
         require(modules.size() > 0, "modules: at least one");
         require_core(core);
@@ -193,7 +188,8 @@ void bind_window_forces(nanobind::module_ &m) {
       },
       nb::arg("qd"), nb::arg("modules"), nb::arg("core"), nb::arg("tail"), nb::arg("cutoff"),
       nb::arg("limits"),
-      "Return 1/Δt_max in 1/s of window and tail: the largest ratio of speed to displacement limit.");
+      "Return 1/Δt_max in 1/s of window and tail: the largest ratio of speed to displacement "
+      "limit.");
 }
 
 }  // namespace foldback

@@ -22,15 +22,14 @@ struct WindowAngles {
   Index end(Index frame) const { return first[frame] + offsets[frame + 1] - offsets[frame]; }
 };
 
-// Write the largest hinge step between every frame and the next, and how many hinges take part: with
-// a step of more than a fraction of the largest.
+// Write the largest hinge step between every frame and the next, and how many hinges take part:
+// with a step of more than a fraction of the largest.
 void window_steps(View<const Index, 1> first, View<const Index, 1> offsets,
                   View<const float, 1> angles, View<const double, 1> folded, double fraction,
                   View<double, 1> largest, View<Index, 1> moving) {
   const WindowAngles windows{first, offsets, angles, folded};
   require(offsets.size() == first.size() + 1, "offsets: (F + 1,)");
-  require(largest.size() == std::max<Index>(0, first.size() - 1) &&
-              moving.size() == largest.size(),
+  require(largest.size() == std::max<Index>(0, first.size() - 1) && moving.size() == largest.size(),
           "largest, moving: (F − 1,)");
   for (Index k = 0; k < first.size(); ++k)
     require(first[k] >= 0 && offsets[k] >= 0 && offsets[k] <= offsets[k + 1] &&
