@@ -53,6 +53,7 @@ def test_links_lead_to_pages_and_headings() -> None:
 
 def test_files_programs_and_targets_exist() -> None:
     scripts = {p.name for f in FOLDERS for p in (ROOT / f).rglob("*.*")}
+    scripts |= {path.name for path in ROOT.glob("*.py")}
     for page, text in PAGES.items():
         files, programs = NAMED_FILE.findall(text), PROGRAM.findall(text)
         wrong = [name for name in files if not exists(name)]
