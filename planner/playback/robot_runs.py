@@ -149,8 +149,4 @@ def _beside(
         return [fold_one(number) for number in numbers]
     # More than there are cores: of three on two cores, two first would take as long as four.
     with ThreadPoolExecutor(min(2 * cores(), robots)) as threads:
-        try:
-            runs = threads.map(fold_one, numbers)
-        except RuntimeError as error:  # there is no room for the stack of another thread
-            raise MemoryError(f"got no room for {robots} threads") from error
-        return list(runs)
+        return list(threads.map(fold_one, numbers))

@@ -62,8 +62,12 @@ GC_THRESHOLD_OBJECTS: Final = 100_000
 FULL_DISK_ERRORS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 """Error numbers (errno) of a full disk, a used-up quota, and a file above the permitted size."""
 
-MUJOCO_MEMORY_ERROR: Final = "Could not allocate memory"
-"""Text in MuJoCo's error, which is no MemoryError, when memory is used up."""
+MEMORY_ERRORS: Final = (
+    "Could not allocate memory",  # MuJoCo
+    "can't start new thread",  # Python
+    "failed to map segment from shared object",  # the loader of libraries
+)
+"""Texts in errors that are no MemoryError when memory is used up."""
 
 
 class LazyCommands(TyperGroup):
@@ -208,7 +212,7 @@ def _service_error(name: str) -> InputError:
 
 def is_memory_error(error: Exception) -> bool:
     """Return whether an error says that memory is used up."""
-    return isinstance(error, MemoryError) or MUJOCO_MEMORY_ERROR in str(error)
+    return isinstance(error, MemoryError) or any(text in str(error) for text in MEMORY_ERRORS)
 
 
 def _memory_error() -> InputError:
