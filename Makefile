@@ -93,7 +93,8 @@ wheels: $(STAMP) ## Build wheels into dist/: one for Python 3.11, if it is there
 
 # Other builds of the core stay as they are.
 SANITIZED := build/sanitized
-ASAN = $(shell $${CXX:-c++} -print-file-name=libasan.so)
+# Exceptions are intercepted only if the library that throws them is loaded first, too.
+ASAN = $(shell $${CXX:-c++} -print-file-name=libasan.so):$(shell $${CXX:-c++} -print-file-name=libstdc++.so)
 SANITIZED_TESTS := tests/planner/core tests/planner/chain tests/planner/clearance tests/planner/statics tests/planner/turns
 
 sanitize: $(STAMP) ## Run tests of the core with checks of addresses, indices and undefined behaviour
