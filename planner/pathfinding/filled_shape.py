@@ -33,7 +33,7 @@ class FilledShape:
         knot: Knot of the first candidate; None without one.
         notes: Messages for the user.
         reasons: Reasons why there are no chains, or only few.
-        repaired: What a repair changed, as a phrase; empty without one.
+        repaired: Phrase that says what a repair changed; empty without a repair.
         not_started: Reasons why no chain begins in the requested cell; empty if one does.
         scale, shift: Map to the folded chains' space, see above; ``shift`` is a number or (3,).
         modules_per_cell: Modules for each cell of what was voxelised.

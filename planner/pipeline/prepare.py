@@ -103,7 +103,7 @@ class Preparation:
 
     @property
     def repaired(self) -> str:
-        """What a repair changed, as a phrase; empty without one."""
+        """Phrase that says what a repair changed; empty without a repair."""
         return "" if self.filled is None else self.filled.repaired
 
     @property

@@ -351,8 +351,8 @@ class Robot(ServoChain):
             self.engine.modules,
             RobotStates(*(states[k + 1 :] for states in self._states)),
         )
-        made = slice(k + 1, k + 1 + steps)
-        self._wxyzs[made] = wxyz_from_matrix(self._states.rotation[made])
+        new_states = slice(k + 1, k + 1 + steps)
+        self._wxyzs[new_states] = wxyz_from_matrix(self._states.rotation[new_states])
         self._steps += steps
         if steps == 0:
             self._simulate_step()
