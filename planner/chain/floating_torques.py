@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.module import Module
-from foldback.planner.core import many_floating_torques
+from foldback.planner.core import many_floating_torques, many_path_torques
 from foldback.planner.core.structures import Lumps
 from foldback.planner.cpu_cores import cores
 
@@ -36,30 +37,58 @@ def floating_torques(
         and quadratic in the rates, so a motion k times slower takes 1/k² of them.
     """
     torques = np.empty(angles_rad.shape)
-    angles, velocities = np.ascontiguousarray(angles_rad), np.ascontiguousarray(rates)
-    changes = np.ascontiguousarray(accelerations)
+    motion = (angles_rad, rates, accelerations)
+    _compute(many_floating_torques, module, lumps, motion, (torques,))
+    return torques
+
+
+def path_torques(
+    module: Module, angles_rad: Array, first: Array, second: Array, lumps: Lumps | None = None
+) -> tuple[Array, Array]:
+    """Compute terms of the hinge torques a ü + b u̇² of such a chain along a path q(u).
+
+    Args:
+        module: The kind of module.
+        angles_rad: (F, J) hinge angles q.
+        first, second: (F, J) derivatives q' and q'' by u.
+        lumps: As in ``floating_torques``.
+
+    Returns:
+        (F, J) a and (F, J) b.
+    """
+    a, b = np.empty(angles_rad.shape), np.empty(angles_rad.shape)
+    _compute(many_path_torques, module, lumps, (angles_rad, first, second), (a, b))
+    return a, b
+
+
+def _compute(
+    kernel: Callable[..., None],
+    module: Module,
+    lumps: Lumps | None,
+    motion: Sequence[Array],
+    out: Sequence[Array],
+) -> None:
+    """Call a kernel with (F, J) arrays that it reads and writes, some frames for each core."""
     joint = module.joint if lumps is None else module.joint._replace(rigid_links=0)
     ends = Lumps.none() if lumps is None else lumps
+    read = [np.ascontiguousarray(array) for array in motion]
 
     def of(part: slice) -> None:
-        many_floating_torques(
-            angles[part],
-            velocities[part],
-            changes[part],
+        kernel(
+            *(array[part] for array in read),
             joint,
             module.inertia,
             ends,
-            torques[part],
+            *(array[part] for array in out),
         )
 
-    parts = min(cores(), max(1, torques.size // 20_000))
+    parts = min(cores(), max(1, out[0].size // 100_000))
     if parts == 1:
         of(slice(None))
-        return torques
-    bounds = np.linspace(0, len(torques), parts + 1).astype(int).tolist()
+        return
+    bounds = np.linspace(0, len(out[0]), parts + 1).astype(int).tolist()
     with ThreadPoolExecutor(parts) as threads:
         list(threads.map(of, map(slice, bounds[:-1], bounds[1:])))
-    return torques
 
 
 def spline_derivatives(

@@ -871,6 +871,26 @@ def many_floating_torques(
         out: (F, J) written, in module mass · pitch² / s²; NaN where the motion is not finite.
     """
 
+def many_path_torques(
+    q: Array,
+    first: Array,
+    second: Array,
+    joint: Joint,
+    inertia: Array,
+    lumps: Lumps,
+    a: Array,
+    b: Array,
+) -> None:
+    """Write (F, J) a and b of the torques a ü + b u̇² along a path q(u) of such a chain.
+
+    Args:
+        q, first, second: (F, J) hinge angles and their derivatives by u.
+        joint: The module's joint.
+        inertia: (3,) principal moments of a module of mass 1 about its centre.
+        lumps: Rigid bodies at both ends.
+        a, b: (F, J) written; NaN where the path is not finite.
+    """
+
 def simplified(polygon: Array) -> Array:
     """Return a closed polygon (n, 3) without all vertices that its knot does not need."""
 

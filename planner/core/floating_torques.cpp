@@ -17,15 +17,15 @@ namespace {
 // A module, or the lump of an end, in the frame of module 0.
 struct FloatingBody {
   double mass;
-  Vector<double> position;    // centre of mass
-  Symmetric<double> inertia;  // about the centre of mass
-  Vector<double> velocity, omega, acceleration, alpha;
-  Vector<double> arm;     // centre of mass relative to that of the chain
-  Vector<double> moment;  // torque, or angular momentum, about the centre of mass
+  Vector<Lanes> position;    // centre of mass
+  Symmetric<Lanes> inertia;  // about the centre of mass
+  Vector<Lanes> velocity, omega, acceleration, alpha;
+  Vector<Lanes> arm;     // centre of mass relative to that of the chain
+  Vector<Lanes> moment;  // torque, or angular momentum, about the centre of mass
 };
 
 // R diag(inertia) Rᵀ.
-Symmetric<double> turned_inertia(const Matrix<double> &R, const double *inertia) {
+Symmetric<Lanes> turned_inertia(const Matrix<Lanes> &R, const double *inertia) {
   auto element = [&](int a, int b) {
     return R(a, 0) * R(b, 0) * inertia[0] + R(a, 1) * R(b, 1) * inertia[1] +
            R(a, 2) * R(b, 2) * inertia[2];
@@ -34,12 +34,13 @@ Symmetric<double> turned_inertia(const Matrix<double> &R, const double *inertia)
 }
 
 // Acceleration of a body's point at `arm`: a + α × arm + ω × (ω × arm).
-Vector<double> shifted(const Vector<double> &a, const Vector<double> &alpha,
-                       const Vector<double> &omega, const Vector<double> &arm) {
+Vector<Lanes> shifted(const Vector<Lanes> &a, const Vector<Lanes> &alpha,
+                      const Vector<Lanes> &omega, const Vector<Lanes> &arm) {
   return a + cross(alpha, arm) + cross(omega, cross(omega, arm));
 }
 
-// Hinge torques of motions of a free chain that has no momentum, one configuration after the other.
+// Hinge torques of motions of a free chain that has no momentum. Four configurations are the lanes
+// of one vector, each computed as it would be by itself.
 class FloatingTorques {
  public:
   FloatingTorques(const Joint &joint, const double *inertia, const Lumps &lumps, Index modules)
@@ -48,13 +49,18 @@ class FloatingTorques {
         lumps_(lumps),
         n_(modules),
         bodies_(modules + 2),
-        pivots_(modules),
+        links_(modules),
         axes_(modules * joint.hinges()) {}
 
-  void write(View<const double, 1> q, View<const double, 1> qd, View<const double, 1> qdd,
-             View<double, 1> out) {
-    propagate_velocities(q, qd);
+  // Place the chain with (J,) hinge angles.
+  void place(const Lanes *q) {
+    write_poses(q);
     write_composite_inertia();
+  }
+
+  // Write the (J,) torques of a motion of the chain that is placed.
+  void write(const Lanes *qd, const Lanes *qdd, Lanes *out) {
+    propagate_velocities(qd);
     for (FloatingBody &body : bodies_) body.moment = body.inertia.times(body.omega);
     cancel_momentum(&FloatingBody::velocity, &FloatingBody::omega);
     propagate_accelerations(qd, qdd);
@@ -67,56 +73,75 @@ class FloatingTorques {
   }
 
  private:
-  // Write poses, axes, inertias, v and ω outwards, module 0 upright and at rest at the origin.
-  void propagate_velocities(View<const double, 1> q, View<const double, 1> qd) {
+  // Link to the next module: from the module's centre to the joint's, and on to the next module's.
+  struct Link {
+    Vector<Lanes> to_pivot, pivot, from_pivot;
+  };
+
+  // Write poses, axes and inertias outwards, module 0 upright at the origin.
+  void write_poses(const Lanes *q) {
     const Index hinges = joint_.hinges();
     const Matrix<double> fixed = load_matrix(joint_.turn.data());
-    Matrix<double> rotation{{1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0}};
-    Vector<double> position{}, velocity{}, omega{};
+    Matrix<Lanes> rotation{};
+    for (int r = 0; r < 3; ++r) rotation(r, r) += 1.0;
+    Vector<Lanes> position{};
     for (Index i = 0; i < n_; ++i) {
       FloatingBody &body = bodies_[i];
       body.mass = 1.0;
       body.position = position;
-      body.velocity = velocity;
-      body.omega = omega;
       body.inertia = turned_inertia(rotation, inertia_);
       for (int end = 0; end < 2; ++end)
-        if (i == end * (n_ - 1)) write_lump(end, body, rotation);
+        if (i == end * (n_ - 1)) place_lump(end, position, rotation);
       if (i + 1 == n_) return;
-      Vector<double> arm = rotate(rotation, joint_.anchor.data());
-      velocity = velocity + cross(omega, arm);
-      position = position + arm;
-      pivots_[i] = position;
+      Link &link = links_[i];
+      link.to_pivot = rotate(rotation, joint_.anchor.data());
+      link.pivot = position + link.to_pivot;
       if (Index j = joint_.first_hinge(i); j >= 0)
         for (Index k = 0; k < hinges; ++k) {
           const double *local = joint_.axes[k].data();
-          Vector<double> axis = axes_[i * hinges + k] = rotate(rotation, local);
-          omega = omega + scaled(axis, qd[j + k]);
+          axes_[i * hinges + k] = rotate(rotation, local);
           rotation = multiply(rotation, rodrigues(local, q[j + k]));
         }
       rotation = multiply(rotation, fixed);
-      arm = rotate(rotation, joint_.offset.data());
-      velocity = velocity + cross(omega, arm);
-      position = position + arm;
+      link.from_pivot = rotate(rotation, joint_.offset.data());
+      position = link.pivot + link.from_pivot;
     }
   }
 
-  void write_lump(int end, const FloatingBody &module, const Matrix<double> &rotation) {
+  void place_lump(int end, const Vector<Lanes> &position, const Matrix<Lanes> &rotation) {
     FloatingBody &lump = bodies_[n_ + end];
-    Vector<double> arm = rotate(rotation, lumps_.centres[end].data());
+    lump_arms_[end] = rotate(rotation, lumps_.centres[end].data());
     lump.mass = lumps_.masses[end];
-    lump.position = module.position + arm;
-    lump.velocity = module.velocity + cross(module.omega, arm);
-    lump.omega = module.omega;
+    lump.position = position + lump_arms_[end];
     lump.inertia = turned_inertia(multiply(rotation, load_matrix(lumps_.axes[end].data())),
                                   lumps_.moments[end].data());
   }
 
+  // Write v and ω outwards, module 0 being at rest.
+  void propagate_velocities(const Lanes *qd) {
+    const Index hinges = joint_.hinges();
+    Vector<Lanes> velocity{}, omega{};
+    for (Index i = 0; i < n_; ++i) {
+      bodies_[i].velocity = velocity;
+      bodies_[i].omega = omega;
+      for (int end = 0; end < 2; ++end)
+        if (i == end * (n_ - 1)) {
+          bodies_[n_ + end].velocity = velocity + cross(omega, lump_arms_[end]);
+          bodies_[n_ + end].omega = omega;
+        }
+      if (i + 1 == n_) return;
+      velocity = velocity + cross(omega, links_[i].to_pivot);
+      if (Index j = joint_.first_hinge(i); j >= 0)
+        for (Index k = 0; k < hinges; ++k) omega = omega + scaled(axes_[i * hinges + k], qd[j + k]);
+      velocity = velocity + cross(omega, links_[i].from_pivot);
+    }
+  }
+
   // Write a and α outwards, those of module 0 being zero. Across a hinge α' = α + s q̈ + ω × s q̇,
   // with its axis s.
-  void propagate_accelerations(View<const double, 1> qd, View<const double, 1> qdd) {
+  void propagate_accelerations(const Lanes *qd, const Lanes *qdd) {
     const Index hinges = joint_.hinges();
-    Vector<double> alpha{}, a{};
+    Vector<Lanes> alpha{}, a{};
     for (Index i = 0; i < n_; ++i) {
       FloatingBody &body = bodies_[i];
       body.acceleration = a;
@@ -128,31 +153,32 @@ class FloatingTorques {
           lump.alpha = alpha;
         }
       if (i + 1 == n_) return;
-      Vector<double> omega = body.omega;
-      a = shifted(a, alpha, omega, pivots_[i] - body.position);
+      const Vector<Lanes> &pivot = links_[i].pivot;
+      Vector<Lanes> omega = body.omega;
+      a = shifted(a, alpha, omega, pivot - body.position);
       if (Index j = joint_.first_hinge(i); j >= 0)
         for (Index k = 0; k < hinges; ++k) {
-          const Vector<double> &axis = axes_[i * hinges + k];
+          const Vector<Lanes> &axis = axes_[i * hinges + k];
           alpha = alpha + scaled(axis, qdd[j + k]);
           alpha = alpha + scaled(cross(omega, axis), qd[j + k]);
           omega = omega + scaled(axis, qd[j + k]);
         }
-      a = shifted(a, alpha, omega, bodies_[i + 1].position - pivots_[i]);
+      a = shifted(a, alpha, omega, bodies_[i + 1].position - pivot);
     }
   }
 
   // Write the arms, and the inertia of the whole chain about its centre of mass.
   void write_composite_inertia() {
-    Vector<double> centre{};
+    Vector<Lanes> centre{};
     total_ = 0.0;
     for (const FloatingBody &body : bodies_) {
       total_ += body.mass;
       centre = centre + scaled(body.position, body.mass);
     }
-    whole_ = {};
+    whole_ = Symmetric<Lanes>{};
     for (FloatingBody &body : bodies_) {
       body.arm =
-          body.position - Vector<double>{centre.x / total_, centre.y / total_, centre.z / total_};
+          body.position - Vector<Lanes>{centre.x / total_, centre.y / total_, centre.z / total_};
       const double m = body.mass;
       const auto &[x, y, z] = body.arm;
       whole_.xx += m * (y * y + z * z) + body.inertia.xx;
@@ -165,16 +191,15 @@ class FloatingTorques {
   }
 
   // Add the motion of one rigid body to all bodies, so that the chain has no momentum.
-  void cancel_momentum(Vector<double> FloatingBody::*linear,
-                       Vector<double> FloatingBody::*angular) {
-    Vector<double> momentum{}, angular_momentum{};
+  void cancel_momentum(Vector<Lanes> FloatingBody::*linear, Vector<Lanes> FloatingBody::*angular) {
+    Vector<Lanes> momentum{}, angular_momentum{};
     for (const FloatingBody &body : bodies_) {
-      Vector<double> own = scaled(body.*linear, body.mass);
+      Vector<Lanes> own = scaled(body.*linear, body.mass);
       momentum = momentum + own;
       angular_momentum = angular_momentum + cross(body.arm, own) + body.moment;
     }
-    Vector<double> rigid = whole_.solve(scaled(angular_momentum, -1.0));
-    Vector<double> drift{momentum.x / total_, momentum.y / total_, momentum.z / total_};
+    Vector<Lanes> rigid = whole_.solve(scaled(angular_momentum, -1.0));
+    Vector<Lanes> drift{momentum.x / total_, momentum.y / total_, momentum.z / total_};
     for (FloatingBody &body : bodies_) {
       body.*linear = body.*linear + (cross(rigid, body.arm) - drift);
       body.*angular = body.*angular + rigid;
@@ -190,16 +215,16 @@ class FloatingTorques {
 
   // Write hinge torques: the moment about each axis that all modules beyond it need. Force and
   // moment about the origin are summed inwards from the last module.
-  void write_hinge_torques(View<double, 1> out) const {
+  void write_hinge_torques(Lanes *out) const {
     const Index hinges = joint_.hinges();
     const FloatingBody &lump = bodies_[n_ + 1];
-    Vector<double> force = scaled(lump.acceleration, lump.mass);
-    Vector<double> moment = cross(lump.position, force) + lump.moment;
+    Vector<Lanes> force = scaled(lump.acceleration, lump.mass);
+    Vector<Lanes> moment = cross(lump.position, force) + lump.moment;
     for (Index i = n_ - 1; i > joint_.rigid_links; --i) {
       const FloatingBody &body = bodies_[i];
       force = force + body.acceleration;
       moment = moment + cross(body.position, body.acceleration) + body.moment;
-      Vector<double> about_pivot = moment - cross(pivots_[i - 1], force);
+      Vector<Lanes> about_pivot = moment - cross(links_[i - 1].pivot, force);
       for (Index k = 0; k < hinges; ++k)
         out[joint_.first_hinge(i - 1) + k] = dot(axes_[(i - 1) * hinges + k], about_pivot);
     }
@@ -209,36 +234,100 @@ class FloatingTorques {
   const double *inertia_;
   const Lumps &lumps_;
   Index n_;
-  std::vector<FloatingBody> bodies_;    // the modules, then the lumps of the first and the last one
-  std::vector<Vector<double>> pivots_;  // centres of the joints to the next modules
-  std::vector<Vector<double>> axes_;    // of those joints
-  Symmetric<double> whole_{};
+  std::vector<FloatingBody> bodies_;  // the modules, then the lumps of the first and the last one
+  std::vector<Link> links_;           // from each module to the next one
+  std::vector<Vector<Lanes>> axes_;   // of the hinges in those links
+  Vector<Lanes> lump_arms_[2];        // from the centres of the first and the last module
+  Symmetric<Lanes> whole_{};
   double total_ = 0.0;
 };
+
+// Rows of a (F, J) array as lanes: (J,) of four rows from f on, the last row standing for those
+// behind it.
+class LaneRows {
+ public:
+  explicit LaneRows(Index columns) : lanes_(columns) {}
+  Lanes *data() { return lanes_.data(); }
+
+  void load(View<const double, 2> rows, Index f) {
+    for (int lane = 0; lane < LANES; ++lane) {
+      View<const double, 1> row = rows[std::min(f + lane, rows.size() - 1)];
+      for (Index j = 0; j < row.size(); ++j) lanes_[j][lane] = row[j];
+    }
+  }
+
+  void store(View<double, 2> rows, Index f) const {
+    for (int lane = 0; lane < LANES && f + lane < rows.size(); ++lane) {
+      View<double, 1> row = rows[f + lane];
+      for (Index j = 0; j < row.size(); ++j) row[j] = lanes_[j][lane];
+    }
+  }
+
+ private:
+  std::vector<Lanes> lanes_;
+};
+
+FloatingTorques floating_torques_of(View<const double, 2> q, const Joint &joint,
+                                    View<const double, 1> inertia, const Lumps &lumps) {
+  require_joint(joint);
+  require_lumps(lumps);
+  require(joint.hinges() > 0, "joint.axes: at least one hinge");
+  require(q.axis(1) % joint.hinges() == 0, "q: (F, J), all hinges of joints");
+  require(inertia.size() == 3, "inertia: (3,)");
+  return {joint, inertia.data(), lumps, q.axis(1) / joint.hinges() + 1 + joint.rigid_links};
+}
+
+void many_floating_torques(View<const double, 2> q, View<const double, 2> qd,
+                           View<const double, 2> qdd, Joint joint, View<const double, 1> inertia,
+                           Lumps lumps, View<double, 2> out) {
+  FloatingTorques torques = floating_torques_of(q, joint, inertia, lumps);
+  require(qd.shape() == q.shape() && qdd.shape() == q.shape() && out.shape() == q.shape(),
+          "q, qd, qdd, out: (F, J)");
+  nanobind::gil_scoped_release release;
+  LaneRows angles(q.axis(1)), rates(q.axis(1)), accelerations(q.axis(1)), result(q.axis(1));
+  for (Index f = 0; f < q.size(); f += LANES) {
+    angles.load(q, f);
+    rates.load(qd, f);
+    accelerations.load(qdd, f);
+    torques.place(angles.data());
+    torques.write(rates.data(), accelerations.data(), result.data());
+    result.store(out, f);
+  }
+}
+
+// Write a and b of the torques a ü + b u̇² along a path: those of q̇ = 0, q̈ = q' and of q̇ = q',
+// q̈ = q''.
+void many_path_torques(View<const double, 2> q, View<const double, 2> first,
+                       View<const double, 2> second, Joint joint, View<const double, 1> inertia,
+                       Lumps lumps, View<double, 2> a, View<double, 2> b) {
+  FloatingTorques torques = floating_torques_of(q, joint, inertia, lumps);
+  require(first.shape() == q.shape() && second.shape() == q.shape(), "q, first, second: (F, J)");
+  require(a.shape() == q.shape() && b.shape() == q.shape(), "a, b: (F, J)");
+  nanobind::gil_scoped_release release;
+  LaneRows angles(q.axis(1)), slopes(q.axis(1)), bends(q.axis(1)), result(q.axis(1));
+  const std::vector<Lanes> still(q.axis(1));
+  for (Index f = 0; f < q.size(); f += LANES) {
+    angles.load(q, f);
+    slopes.load(first, f);
+    bends.load(second, f);
+    torques.place(angles.data());
+    torques.write(still.data(), slopes.data(), result.data());
+    result.store(a, f);
+    torques.write(slopes.data(), bends.data(), result.data());
+    result.store(b, f);
+  }
+}
 
 }  // namespace
 
 void bind_floating_torques(nanobind::module_ &m) {
   namespace nb = nanobind;
-  m.def(
-      "many_floating_torques",
-      [](View<const double, 2> q, View<const double, 2> qd, View<const double, 2> qdd, Joint joint,
-         View<const double, 1> inertia, Lumps lumps, View<double, 2> out) {
-        require_joint(joint);
-        require_lumps(lumps);
-        require(joint.hinges() > 0, "joint.axes: at least one hinge");
-        require(q.axis(1) % joint.hinges() == 0, "q: (F, J), all hinges of joints");
-        require(qd.shape() == q.shape() && qdd.shape() == q.shape() && out.shape() == q.shape(),
-                "q, qd, qdd, out: (F, J)");
-        require(inertia.size() == 3, "inertia: (3,)");
-        nb::gil_scoped_release release;
-        FloatingTorques torques(joint, inertia.data(), lumps,
-                                q.axis(1) / joint.hinges() + 1 + joint.rigid_links);
-        for (Index f = 0; f < q.size(); ++f) torques.write(q[f], qd[f], qdd[f], out[f]);
-      },
-      nb::arg("q"), nb::arg("qd"), nb::arg("qdd"), nb::arg("joint"), nb::arg("inertia"),
-      nb::arg("lumps"), nb::arg("out"),
-      "Write the (F, J) hinge torques of motions of a free chain that has no momentum.");
+  m.def("many_floating_torques", many_floating_torques, nb::arg("q"), nb::arg("qd"), nb::arg("qdd"),
+        nb::arg("joint"), nb::arg("inertia"), nb::arg("lumps"), nb::arg("out"),
+        "Write the (F, J) hinge torques of motions of a free chain that has no momentum.");
+  m.def("many_path_torques", many_path_torques, nb::arg("q"), nb::arg("first"), nb::arg("second"),
+        nb::arg("joint"), nb::arg("inertia"), nb::arg("lumps"), nb::arg("a"), nb::arg("b"),
+        "Write (F, J) a and b of the torques a ü + b u̇² along a path q(u) of such a chain.");
 }
 
 }  // namespace foldback

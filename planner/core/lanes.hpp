@@ -12,18 +12,20 @@ typedef double Lanes __attribute__((vector_size(LANES * sizeof(double))));
 constexpr int COLUMNS = 8;
 typedef double Columns __attribute__((vector_size(COLUMNS * sizeof(double))));
 
-inline double sine(double angle) { return std::sin(angle); }
-inline double cosine(double angle) { return std::cos(angle); }
+template <class T>
+struct SineCosine {
+  T sine, cosine;
+};
 
-inline Lanes sine(Lanes angle) {
-  Lanes result;
-  for (int lane = 0; lane < LANES; ++lane) result[lane] = std::sin(angle[lane]);
-  return result;
-}
+inline SineCosine<double> sine_cosine(double angle) { return {std::sin(angle), std::cos(angle)}; }
 
-inline Lanes cosine(Lanes angle) {
-  Lanes result;
-  for (int lane = 0; lane < LANES; ++lane) result[lane] = std::cos(angle[lane]);
+inline SineCosine<Lanes> sine_cosine(Lanes angle) {
+  SineCosine<Lanes> result;
+  for (int lane = 0; lane < LANES; ++lane) {
+    auto [sine, cosine] = sine_cosine(angle[lane]);
+    result.sine[lane] = sine;
+    result.cosine[lane] = cosine;
+  }
   return result;
 }
 

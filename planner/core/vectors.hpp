@@ -104,7 +104,8 @@ Matrix<T> transpose(const Matrix<T> &m) {
 // Rotation about a unit axis, which is the same in all lanes: Rodrigues' formula.
 template <class T>
 Matrix<T> rodrigues(const double *axis, T angle) {
-  T c = cosine(angle), s = sine(angle), k = 1.0 - c;
+  auto [s, c] = sine_cosine(angle);
+  T k = 1.0 - c;
   double x = axis[0], y = axis[1], z = axis[2];
   return {{c + x * x * k, x * y * k - z * s, x * z * k + y * s, y * x * k + z * s, c + y * y * k,
            y * z * k - x * s, z * x * k - y * s, z * y * k + x * s, c + z * z * k}};

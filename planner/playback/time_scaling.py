@@ -10,7 +10,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from foldback.planner.arrays import Array, Flags
-from foldback.planner.chain.floating_torques import floating_torques
+from foldback.planner.chain.floating_torques import path_torques
 from foldback.planner.chain.module import Module
 from foldback.planner.core import torque_passes
 from foldback.planner.playback.reference_curve import Reference
@@ -108,11 +108,7 @@ def torque_bounded_scaling(
             ``STRAIGHT_SHARE`` on.
     """
     u = np.linspace(0.0, 1.0, samples)
-    terms = [
-        _torque_terms(reference, module, u[k : k + TORQUE_CHUNK_SAMPLES])
-        for k in range(0, samples, TORQUE_CHUNK_SAMPLES)
-    ]
-    a, b = (np.concatenate(parts) for parts in zip(*terms, strict=True))
+    a, b = _torque_terms(reference, module, u)
     if straight_torque < 1.0:
         rise = np.clip(u / STRAIGHT_SHARE, 0.0, 1.0)
         bound = straight_torque + (1.0 - straight_torque) * rise * rise * (3.0 - 2.0 * rise)
@@ -123,11 +119,14 @@ def torque_bounded_scaling(
 
 def _torque_terms(reference: Reference, module: Module, u: Array) -> tuple[Array, Array]:
     """Return (U, J) a and (U, J) b of the torques a ü + b u̇² at (U,) parameters."""
-    angles, first, second = reference.spline(u), reference.first(u), reference.second(u)
-    return (
-        floating_torques(module, angles, np.zeros_like(first), first),
-        floating_torques(module, angles, first, second),
-    )
+    a = np.empty((len(u), reference.spline.c.shape[1]))
+    b = np.empty_like(a)
+    for start in range(0, len(u), TORQUE_CHUNK_SAMPLES):
+        part = slice(start, start + TORQUE_CHUNK_SAMPLES)
+        at = u[part]
+        path = reference.spline(at), reference.first(at), reference.second(at)
+        a[part], b[part] = path_torques(module, *path)
+    return a, b
 
 
 def torque_bounded_profile(u: Array, a: Array, b: Array) -> Array:
@@ -353,12 +352,8 @@ def _turn_terms(module: Module, start: Array, end: Array, u: Array) -> tuple[flo
     turn = end - start
     angles = start + u[:, None] * turn
     slopes = np.broadcast_to(turn, angles.shape)
-    zero = np.zeros_like(angles)
-    return (
-        float(np.abs(turn).max()),
-        floating_torques(module, angles, zero, slopes),
-        floating_torques(module, angles, slopes, zero),
-    )
+    a, b = path_torques(module, angles, slopes, np.zeros_like(angles))
+    return float(np.abs(turn).max()), a, b
 
 
 def _whole_steps(seconds: Array, step_s: float) -> list[int]:

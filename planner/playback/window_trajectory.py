@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.floating_torques import floating_torques
+from foldback.planner.chain.floating_torques import floating_torques, path_torques
 from foldback.planner.clearance.sweep import sweep
+from foldback.planner.core.structures import Lumps
 from foldback.planner.motion.motion import Motion
 from foldback.planner.parameters.playback import PlaybackParameters
 from foldback.planner.playback.reference_curve import (
@@ -234,8 +235,9 @@ class WindowTrajectory:
             places, hinges = u[stretch.start : stop], stretch.hinges(self.chain)
             angles, first, second = (self.curve.at(places, hinges, k) for k in range(3))
             rows, width = slice(stretch.start, stop), angles.shape[1]
-            a[rows, :width] = self._floating_torques(stretch, angles, 0.0 * first, first)
-            b[rows, :width] = self._floating_torques(stretch, angles, first, second)
+            a[rows, :width], b[rows, :width] = path_torques(
+                self.chain.module, angles, first, second, self._lumps(stretch)
+            )
         share = u / self.curve.end
         return scaling_from_profile(share, torque_bounded_profile(share, a, b), steps, self.step_s)
 
@@ -264,18 +266,10 @@ class WindowTrajectory:
         """Return the number of steps."""
         return len(self._u) - 1
 
-    def _floating_torques(
-        self, stretch: Stretch, angles: Array, rates: Array, accelerations: Array
-    ) -> Array:
-        """Return (S, H) torques of the hinges of a stretch, of a floating chain without errors.
-
-        Args:
-            stretch: The stretch; hinges before it are folded, those behind it straight, all still.
-            angles, rates, accelerations: (S, H) motion of its hinges.
-        """
+    def _lumps(self, stretch: Stretch) -> Lumps:
+        """Return both ends of a stretch: hinges before it are folded, those behind it straight."""
         core = stretch.first + 1
-        lumps = self._ends.lumps(core, core + stretch.joints)
-        return floating_torques(self.chain.module, angles, rates, accelerations, lumps)
+        return self._ends.lumps(core, core + stretch.joints)
 
     def targets(self, number: int) -> Targets:
         """Return the targets of hinges in a stretch, step by step.
@@ -300,8 +294,12 @@ class WindowTrajectory:
         for number, stretch in enumerate(self.stretches):
             targets = self.targets(number)
             accelerations = np.diff(targets.rates, axis=0) / self.step_s
-            torques = self._floating_torques(
-                stretch, targets.angles[:-1], targets.rates[:-1], accelerations
+            torques = floating_torques(
+                self.chain.module,
+                targets.angles[:-1],
+                targets.rates[:-1],
+                accelerations,
+                self._lumps(stretch),
             )
             all_torques.append(torques.astype(np.float32))
         return all_torques

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import Module
 from foldback.planner.chain.rotations import wxyz_from_matrix
@@ -207,7 +208,11 @@ def exclude(spec: Any, names: list[str], pairs: Iterable[tuple[int, int]]) -> No
 
 
 def tree_spec(
-    chain: Chain, material: Material, *, exempt: Iterable[tuple[int, int]] | None = None
+    chain: Chain,
+    material: Material,
+    *,
+    exempt: Iterable[tuple[int, int]] | None = None,
+    masses: Array | None = None,
 ) -> Any:
     """Return the spec of a single tree, rooted at the chain's root module with a free joint.
 
@@ -218,6 +223,7 @@ def tree_spec(
         chain: The chain.
         material: Material of the modules.
         exempt: Pairs of modules that don't collide; all consecutive ones by default.
+        masses: (n,) masses of the modules; 1 each by default.
     """
     spec = base_spec()
     spec.modelname = "foldback"
@@ -234,7 +240,7 @@ def tree_spec(
     for i in range(chain.root - 1, -1, -1):
         bodies[i] = add_previous_body(bodies[i + 1], chain, i, names[i], material)
     for i, body in bodies.items():
-        set_inertia(body, module, 1.0)
+        set_inertia(body, module, 1.0 if masses is None else float(masses[i]))
         add_module_geom(body, module, i, material)
         site = body.add_site()
         site.name = names[i]

@@ -68,17 +68,15 @@ class MujocoRobot(Tree):
             Material(geom_size=geom_size, contact_time_constant=contact_time_constant),
             step_s=step_s,
             motors=Servos(stiffness=errors.stiffness, damping=errors.damping),
+            masses=errors.masses,
         )
         self.errors = errors
         model, at = self.model, self.indices
-        model.body_mass[at.bodies] = errors.masses
-        model.body_inertia[at.bodies] *= errors.masses[:, None]
         # Where a force meets the range of its actuator, MuJoCo's integrator leaves out the damping
         # of that actuator, and a hinge with a stiff servo diverges. The range of a joint's
         # actuator force limits the same torque and keeps the damping.
         model.jnt_actfrclimited[at.joints] = True
         model.jnt_actfrcrange[at.joints] = (-errors.limit, errors.limit)
-        mujoco.mj_setConst(model, self.data)
         self._substeps = Substeps.still(np.zeros(len(at.dofs)), step_s)
         self._torques = np.zeros(len(at.dofs))
 
@@ -130,14 +128,38 @@ class MujocoRobot(Tree):
         self.model.dof_damping[self.indices.dofs] = (
             errors.friction * np.tanh(speeds / FRICTION_SPEED_RAD_S) / np.maximum(speeds, 1e-12)
         )
-        mujoco.mj_fwdPosition(self.model, self.data)
-        self._remove_momentum()  # which steps have added
-        mujoco.mj_fwdVelocity(self.model, self.data)
-        super().end_step()
+        self._integrate()
         if not np.isfinite(self.data.qpos).all():
             raise SimulationError("the simulated state became infinite or undefined.")
         forces = self.data.qfrc_actuator[self.indices.dofs]
         self._torques = forces - errors.damping * (self.rates - present_rates)
+
+    def _integrate(self) -> None:
+        """Make one step of MuJoCo, without the momentum that the last one has added.
+
+        Where no hinge is at its stop and nothing touches, there are no constraints. Then the
+        integrator alone factorises a matrix, M + h kv: that of M, half of a step's time, would
+        only serve the solver. So parts of ``mj_step`` that have no effect are left out.
+        """
+        model, data = self.model, self.data
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_makeM(model, data)
+        mujoco.mj_collision(model, data)
+        mujoco.mj_makeConstraint(model, data)
+        if data.nefc:
+            mujoco.mj_fwdPosition(model, data)
+        else:
+            mujoco.mj_transmission(model, data)
+        self._remove_momentum()
+        mujoco.mj_fwdVelocity(model, data)
+        if data.nefc:
+            super().end_step()
+            return
+        mujoco.mj_fwdActuation(model, data)
+        data.qfrc_smooth[:] = data.qfrc_passive - data.qfrc_bias + data.qfrc_actuator
+        data.qfrc_constraint[:] = 0.0
+        mujoco.mj_implicit(model, data)
 
     def stop_drifting(self) -> None:
         """Hold the centre of mass, which a chain that began at rest cannot move."""

@@ -83,6 +83,7 @@ class Tree:
         motors: Motors of every hinge; None for a chain without.
         damping: Fraction of its velocity that the chain loses in each step, by the generalised
             force −(damping / step) M q̇, which does not depend on the coordinates.
+        masses: (n,) masses of the modules; 1 each by default.
     """
 
     def __init__(
@@ -93,11 +94,12 @@ class Tree:
         step_s: float,
         motors: Servos | RateMotors | None = None,
         damping: float = 0.0,
+        masses: Array | None = None,
     ) -> None:
         self.chain = chain
         self.motors = motors
         self._drag = damping / step_s
-        spec = tree_spec(chain, material)
+        spec = tree_spec(chain, material, masses=masses)
         if isinstance(motors, Servos):
             _add_servos(spec, chain, motors)
         elif isinstance(motors, RateMotors):

@@ -4,7 +4,11 @@ import pytest
 
 from foldback.planner.chain.cantilever_statics import static_torque
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.floating_torques import floating_torques, spline_derivatives
+from foldback.planner.chain.floating_torques import (
+    floating_torques,
+    path_torques,
+    spline_derivatives,
+)
 from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.simulation.mujoco_models import Material, tree_spec
 from foldback.planner.simulation.mujoco_tree import Tree
@@ -27,6 +31,28 @@ def test_torques_agree_with_the_simulated_tree(chain: Chain) -> None:
         np.testing.assert_allclose(
             computed_floating_torques[k], tree.torques_for(accelerations[k]), atol=1e-10
         )
+
+
+def test_torques_of_a_configuration_do_not_depend_on_others_beside_it() -> None:
+    chain = coil(9)
+    rng = np.random.default_rng(4)
+    angles, rates, accelerations = rng.normal(size=(3, 7, len(chain.folded_rad)))
+    torques = floating_torques(chain.module, angles, rates, accelerations)
+    for k in range(len(angles)):
+        motion = (array[k : k + 1] for array in (angles, rates, accelerations))
+        np.testing.assert_array_equal(floating_torques(chain.module, *motion)[0], torques[k])
+
+
+def test_torques_along_a_path_have_terms_of_acceleration_and_of_speed() -> None:
+    chain = coil(9)
+    rng = np.random.default_rng(5)
+    angles, first, second = rng.normal(size=(3, 7, len(chain.folded_rad)))
+    a, b = path_torques(chain.module, angles, first, second)
+    rate, acceleration = 0.7, -0.3
+    expected = floating_torques(
+        chain.module, angles, rate * first, acceleration * first + rate**2 * second
+    )
+    np.testing.assert_allclose(acceleration * a + rate**2 * b, expected, atol=1e-12)
 
 
 def test_rates_and_accelerations_of_a_known_motion() -> None:

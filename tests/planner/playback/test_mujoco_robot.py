@@ -3,6 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -17,6 +18,8 @@ from foldback.planner.playback.robot_runs import mujoco_trajectory
 from foldback.planner.playback.substeps import MAX_SERVO_SHARE
 from foldback.planner.progress import never, silent
 from foldback.planner.simulation.mujoco_robot import MujocoRobot, Substeps
+from foldback.planner.simulation.robot import RobotErrors
+from tests.planner.chains import coil
 from tests.planner.conftest import Folded
 from tests.planner.robot_errors import ERRORS, FAULTLESS
 
@@ -58,6 +61,43 @@ def steps_of(run: Run) -> list[Substeps]:
     """Return the divided steps of a run's trajectory."""
     make: Any = run.trajectory.parts[0][1]
     return make.args[2]
+
+
+class WholeSteps(MujocoRobot):
+    """Robot that leaves out no part of a step of MuJoCo."""
+
+    def _integrate(self) -> None:
+        mujoco.mj_fwdPosition(self.model, self.data)
+        self._remove_momentum()
+        mujoco.mj_fwdVelocity(self.model, self.data)
+        mujoco.mj_step2(self.model, self.data)
+
+
+@pytest.mark.parametrize("geom_size", [0.95, 0.3], ids=["with contacts", "without"])
+def test_parts_of_a_step_that_are_left_out_have_no_effect(geom_size: float) -> None:
+    chain = coil(40)
+    robots = [
+        kind(
+            chain,
+            RobotErrors(chain, RobotParameters(), peak_torque=2e3, seed=[1]),
+            geom_size=geom_size,
+            step_s=0.08,
+        )
+        for kind in (MujocoRobot, WholeSteps)
+    ]
+    constraints = 0
+    targets = np.linspace(np.zeros_like(chain.folded_rad), chain.folded_rad, 60)
+    for robot in robots:
+        robot.place(targets[0], np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+        for angles in targets:
+            robot.follow(Substeps.still(angles, 0.08))
+            robot.end_step()
+            constraints += robot.data.nefc
+    assert (constraints > 0) == (geom_size == 0.95)
+    # Where modules touch, MuJoCo's solver starts from accelerations of the last step before.
+    tolerance = 1e-8 if constraints else 0.0
+    states = [np.concatenate([robot.data.qpos, robot.data.qvel]) for robot in robots]
+    np.testing.assert_allclose(states[0], states[1], rtol=0.0, atol=tolerance)
 
 
 def test_divided_steps_keep_servos_within_their_limit(folded: Folded) -> None:
