@@ -14,8 +14,8 @@ from foldback.cli.inputs import read_plan, refuse
 from foldback.cli.options import AsJson, FoldDirectory
 from foldback.planner.errors import InputError, TimelineError
 from foldback.planner.motion.timeline import Timeline
+from foldback.planner.pipeline.derived_files import completed
 from foldback.planner.pipeline.fold_layout import result_path, stored_moments
-from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.moments import Moments
 from foldback.planner.plan.tour import Tour
 from foldback.planner.storage.file_names import TIMELINE, TOUR
@@ -88,7 +88,8 @@ def facts_of(directory: Path) -> tuple[ShownFold, int, Moments | None]:
         summary=summary,  # pyright: ignore[reportArgumentType]
     )
     try:
-        moments = stored_moments(directory) or Workspace(directory).find_moments(plan)
+        with completed(directory) as derived_dir:
+            moments = stored_moments(derived_dir)
         return row, len(Timeline.open(result_path(directory, TIMELINE))), moments
     except TimelineError as error:
         raise InputError("no-frames", f"{error}") from error

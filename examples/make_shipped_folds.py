@@ -23,6 +23,7 @@ from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record
 from foldback.planner.motion.timeline import TimelineWriter
 from foldback.planner.pipeline import manifest
+from foldback.planner.pipeline.derived_files import complete
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stage, run_stages
 from foldback.planner.pipeline.workspace import Workspace
@@ -142,6 +143,7 @@ def round_errors(directory: Path) -> None:
     ends = certificate.rms_position_error  # of the rounded angles
     replace(playback, rms_position_error=ends).save(directory / PLAYBACK)
     run_stage("export", directory)
+    complete(directory)
     _round_figures(directory)
     manifest.write_manifest(directory)
 

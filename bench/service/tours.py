@@ -16,6 +16,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path as FilePath
+from shutil import rmtree
 from typing import Any, Final
 
 import numpy as np
@@ -35,7 +36,7 @@ from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.tour import Stop
-from foldback.planner.storage.file_names import CERTIFICATE, FIGURES, TIMELINE
+from foldback.planner.storage.file_names import CERTIFICATE, DERIVED_FILES, FIGURES, TIMELINE
 from foldback.planner.storage.files import json_of
 from foldback.words.certificate import CERTIFICATE_DIGITS
 from foldback.words.quantities import quantity
@@ -78,7 +79,6 @@ def _folded_and_told(path: FilePath) -> dict[str, Any]:
         directory = FilePath(folder)
         Workspace(directory).write_request(request, path.read_bytes())
         run_stages(directory)
-        (directory / "moments.json").unlink()  # so that the search for them is timed, too
         seconds = min(_seconds(directory) for _ in range(DRAFTS_PER_TOUR))
         fold = _Fold.of(directory)
         stops = draft_stops(*facts_of(directory))
@@ -87,6 +87,9 @@ def _folded_and_told(path: FilePath) -> dict[str, Any]:
 
 
 def _seconds(directory: FilePath) -> float:
+    for name in DERIVED_FILES:  # so that the search for moments is timed, too
+        path = directory / name
+        rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink(missing_ok=True)
     start_s = time.perf_counter()
     drafted(directory)
     return time.perf_counter() - start_s

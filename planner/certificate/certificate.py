@@ -14,7 +14,6 @@ from typing import cast
 
 import numpy as np
 
-from foldback.planner.arrays import Array
 from foldback.planner.certificate.figures import (
     CertificateFigures,
     MujocoRobotFigures,
@@ -159,7 +158,6 @@ def certify(
     start: Chain | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
-    sink: Callable[[Array], None] | None = None,
     forces: Callable[[TableForces], object] | None = None,
     with_margins: bool = True,
 ) -> Certificate:
@@ -174,8 +172,7 @@ def certify(
         progress: Receives the motion that is being swept.
         cancelled: Returns True to stop; the verdict then is a failure, and all clearances are
             None.
-        sink: Receives the plan's clearance at each of its frames, see ``Sweep``.
-        forces: Receives torques and forces at each of its frames, for a plan on a table.
+        forces: Receives torques and forces at each of the plan's frames, for a plan on a table.
         with_margins: Compute the margins of a verified plan.
 
     Raises:
@@ -193,7 +190,7 @@ def certify(
     with ThreadPoolExecutor(1) as beside:
         motions = () if playback is None else followed(playback)
         exempt = beside.submit(exempt_pairs, chain, motions, module_size=size)
-        sweeps = sweeper.sweep_all(record, playback, sink)
+        sweeps = sweeper.sweep_all(record, playback)
         figures = plan_figures(chain, playback, parameters)
         robots = robot_figures(chain, playback, sweeps)
         in_mujoco = mujoco_figures(chain, playback, sweeps)

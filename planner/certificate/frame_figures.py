@@ -52,7 +52,7 @@ def write_figures(
     parameters: Parameters,
     *,
     certificate: Certificate | None = None,
-    clearances: Array | None = None,
+    plan: Motion | None = None,
 ) -> None:
     """Compute the figures of a timeline and save them, in chunks of frames.
 
@@ -65,8 +65,8 @@ def write_figures(
         parameters: Parameters of the fold: module size and physical units.
         certificate: Certificate of the fold, whose fold time scales the torques. Without it, the
             fold time is that of the frames under the joint speed limit.
-        clearances: Clearances of played-back windows from the certificate, so that they are not
-            swept again.
+        plan: Motion of the plan, for a timeline of windows: its clearances are shown in place of
+            those of the simulated windows. None for the latter.
 
     Raises:
         TimelineError: There is no timeline, or it is damaged.
@@ -74,7 +74,7 @@ def write_figures(
     read = Timeline.open(timeline)
     if read.windowed:
         # Of all modules in all frames there would be billions.
-        write([_curves(read, parameters, certificate, clearances)], len(read), str(path))
+        write([_curves(read, parameters, certificate, plan)], len(read), str(path))
         return
     write(_parts(read, parameters, certificate), len(read), str(path))
 
@@ -141,7 +141,7 @@ def _curves(
     timeline: Timeline,
     parameters: Parameters,
     certificate: Certificate | None,
-    clearances: Array | None,
+    plan: Motion | None,
 ) -> Curves:
     """Return the figures of a timeline of windows."""
     chain, windows = timeline.chain, timeline.windows()
@@ -154,13 +154,16 @@ def _curves(
     for phase in np.unique(windows.phase)[::-1]:
         numbers = np.flatnonzero(windows.phase == phase)
         part = windows[numbers]
-        if phase != EXPLOSION and clearances is not None and len(clearances) == len(part):
-            clearance[numbers] = clearances
-        elif mirrored is not None and mirrored[0].passes_as(part[::-1]):
+        if mirrored is not None and mirrored[0].passes_as(part[::-1]):
             # A kinematic playback passes through what was recorded.
             clearance[numbers] = mirrored[1][::-1]
         else:
-            clearance[numbers] = sweep(chain, part, module_size=parameters.module_size).per_frame
+            shown = part
+            if phase != EXPLOSION and plan is not None and len(plan) == len(part):
+                shown = plan
+            # Only the frames count, so nothing is proved between them.
+            swept = sweep(chain, shown, module_size=parameters.module_size, share=0.0)
+            clearance[numbers] = swept.per_frame
         mirrored = part, clearance[numbers]
         steps = part.steps(chain, fraction=MOVING_SPEED_SHARE)[1]
         moving[numbers] = np.concatenate([steps[:1], steps]) if len(steps) else 0

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.clearance.exempt_pairs import Place
 from foldback.planner.clearance.rounding_errors import clearance_rounding
@@ -64,16 +62,12 @@ class Sweeper:
     cancelled: Cancelled
     is_cancelled: bool = False
 
-    def sweep_all(
-        self, record: Record | None, playback: Playback | None, sink: Callable[[Array], None] | None
-    ) -> Sweeps:
+    def sweep_all(self, record: Record | None, playback: Playback | None) -> Sweeps:
         """Return the sweeps of all motions; none at all if it was cancelled."""
         of_record = of_plan = of_playback = None
         of_others: tuple[Sweep, ...] = ()
         if playback is not None:
             of_plan = self._sweep(playback.reference, "plan", 0.35)
-            if sink is not None and not self.is_cancelled:
-                sink(of_plan.per_frame)
             if playback.simulated:
                 of_playback = self._sweep(playback.frames, "playback", 0.7)
                 of_others = tuple(

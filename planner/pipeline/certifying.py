@@ -14,7 +14,6 @@ def with_certificate(fold_spec: FoldSpec, search: Search, watch: Watch) -> Searc
     """Return the search with the certificate of its current playback, and the curves beside it."""
     result, curves = search.current, dict[str, Any]()
     playback = result.playback
-    peeled = playback is not None and playback.frames.is_windowed
     certificate = certify(
         result.chain,
         result.record,
@@ -23,7 +22,6 @@ def with_certificate(fold_spec: FoldSpec, search: Search, watch: Watch) -> Searc
         start=fold_spec.start,
         progress=watch.progress,
         cancelled=watch.cancelled,
-        sink=partial(curves.__setitem__, "clearances") if peeled else None,
         forces=partial(curves.__setitem__, "forces"),
     )
     result = replace(result, certificate=certificate, **curves)

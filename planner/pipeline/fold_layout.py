@@ -22,6 +22,7 @@ from foldback.planner.errors import InputError, TimelineError
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.parameters.parameters import FLOATING
+from foldback.planner.pipeline.manifest import read_manifest
 from foldback.planner.pipeline.preference import judgement
 from foldback.planner.plan.moments import Moments
 from foldback.planner.storage import file_names as names
@@ -83,6 +84,22 @@ def stored_moments(directory: FilePath) -> Moments | None:
         return Moments.from_dict(json_of(directory / names.MOMENTS))
     except (InputError, ValueError):
         return None
+
+
+def lacks_derived_files(directory: FilePath) -> bool:
+    """Return True if figures or moments of a fold that is over have still to be computed.
+
+    Raises:
+        DamagedError: The fold's manifest cannot be read.
+    """
+    if not result_path(directory, names.TIMELINE).exists():
+        return False
+    is_played = all((directory / name).exists() for name in (names.PLAN, names.PLAYBACK))
+    expected = names.DERIVED_FILES if is_played else (names.FIGURES,)
+    listed = read_manifest(directory)
+    return not all(
+        (directory / name).exists() and (listed is None or name in listed) for name in expected
+    )
 
 
 def any_verified(directory: FilePath) -> bool:

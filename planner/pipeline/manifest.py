@@ -18,7 +18,7 @@ import numpy as np
 
 from foldback.planner.errors import UNREADABLE, DamagedError
 from foldback.planner.storage.checked_zarr import DIGEST, read_group, unsealed
-from foldback.planner.storage.file_names import DESCRIBED
+from foldback.planner.storage.file_names import DERIVED_FILES, DESCRIBED
 from foldback.planner.storage.file_names import MANIFEST as FILE
 from foldback.planner.storage.files import write_json, zarr_group, zarr_metadata
 from foldback.planner.storage.plain_values import from_plain
@@ -86,9 +86,13 @@ def write_manifest(directory: FilePath, earlier: Digests | None = None) -> None:
     """
     digests = earlier or {}
     missing = digests_of(directory, [name for name in DESCRIBED if name not in digests])
-    all_digests = digests | missing
-    in_order = {name: all_digests[name] for name in DESCRIBED if name in all_digests}
-    write_json(directory / FILE, {"format": MANIFEST_FORMAT, "sha256": in_order})
+    _write(directory, digests | missing)
+
+
+def add_to_manifest(directory: FilePath, names: Sequence[str]) -> None:
+    """Add the digests of files that were made after the fold; nothing if it has no manifest."""
+    if (digests := read_manifest(directory)) is not None:
+        _write(directory, digests | digests_of(directory, names))
 
 
 def read_manifest(directory: FilePath) -> Digests | None:
@@ -127,6 +131,12 @@ def changed_fields(
         return [f"{FILE}: {FILE_CONTENT}"]
     if stated is None:
         return None
+    # Derived files that are missing, or not listed, are computed again before they are used.
+    names = [
+        name
+        for name in names
+        if name not in DERIVED_FILES or (name in stated and (directory / name).exists())
+    ]
     current = digests_of(directory, names, arrays=arrays)
     changed: list[str] = []
     for name in dict.fromkeys((*(name for name in stated if name in names), *current)):
@@ -145,6 +155,11 @@ def changed_fields(
     return changed + [
         f"{name}: attributes.{DIGEST}" for name in current if _seal_broken(directory / name)
     ]
+
+
+def _write(directory: FilePath, digests: Digests) -> None:
+    in_order = {name: digests[name] for name in DESCRIBED if name in digests}
+    write_json(directory / FILE, {"format": MANIFEST_FORMAT, "sha256": in_order})
 
 
 def _seal_broken(path: FilePath) -> bool:

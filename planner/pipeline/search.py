@@ -14,7 +14,6 @@ from typing import Final
 
 import numpy as np
 
-from foldback.planner.arrays import Array
 from foldback.planner.certificate.certificate import Certificate
 from foldback.planner.certificate.table_forces import TableForces
 from foldback.planner.chain.chain import Chain
@@ -84,7 +83,6 @@ class Result:
         playback: None before it is played back, and where the explosion failed.
         certificate: None before it is judged.
         recorded: Plan that it smooths; None for an explosion.
-        clearances: (F,) clearance at each frame of a peeled plan, pitches.
         forces: Torques and forces at each frame of a plan on a table.
     """
 
@@ -93,7 +91,6 @@ class Result:
     playback: Playback | None = None
     certificate: Certificate | None = None
     recorded: Plan | None = None
-    clearances: Array | None = None
     forces: TableForces | None = None
 
     def plan(self, request: FoldRequest) -> Plan:

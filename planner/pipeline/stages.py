@@ -36,7 +36,6 @@ from foldback.planner.pipeline.preference import COMPUTING
 from foldback.planner.pipeline.reading import Reading, read_plan, read_shape
 from foldback.planner.pipeline.search import FoldSpec, Search, Watch, is_smoothing
 from foldback.planner.pipeline.workspace import Workspace
-from foldback.planner.plan.plan import Plan
 from foldback.planner.progress import STAGES, Cancelled, Progress, Report, never, silent
 from foldback.planner.reasons import Reason
 from foldback.planner.reasons import ReasonCode as Code
@@ -233,7 +232,7 @@ def explode_until_straight(workspace: Workspace, watch: Watch, pool: AttemptPool
     search = Search(history=before_explosion(workspace.read_history(), fold_spec.policy))
     if not search.history:  # what an earlier fold left here must not pass for a result of this one
         workspace.clear()
-    workspace.drop_pictures()
+    workspace.drop_derived()
     search = run_steps(fold_spec, search, InDirectory(workspace), watch, pool, only=Explode)
     record = search.current.record
     if record is None:
@@ -277,7 +276,7 @@ def certify_latest(workspace: Workspace, watch: Watch, pool: AttemptPool) -> dic
 
 
 def export_best(workspace: Workspace) -> dict[str, Any]:
-    """Run the stage ``export``: write the best plan, its figures, moments and digests."""
+    """Run the stage ``export``: write the best plan, its model and the digests of all files."""
     request, history = workspace.read_request(), workspace.read_history()
     best = workspace.keep_best(request.prefer)
     if best is not None and request.prefer != COMPUTING:
@@ -294,18 +293,12 @@ def export_best(workspace: Workspace) -> dict[str, Any]:
         start=start,
         recorded=recorded,
     )
+    workspace.drop_derived()
     before = [name for name in DESCRIBED if name not in EXPORTED_FILES]
-    with ThreadPoolExecutor(2) as beside:
-        figures = beside.submit(_write_figures, workspace, plan)
+    with ThreadPoolExecutor(1) as beside:
         digests = beside.submit(manifest.digests_of, workspace.directory, before)
         texts = workspace.write_plan(plan)
-        figures.result()
     # Of a thousand numbers that were just written as text, it is not asked for once more.
     written = {PLAN_TEXT: manifest.digests_of_texts(texts)}
     manifest.write_manifest(workspace.directory, digests.result() | written)
     return plan.summary()
-
-
-def _write_figures(workspace: Workspace, plan: Plan) -> None:
-    workspace.write_figures()
-    workspace.write_moments(plan)

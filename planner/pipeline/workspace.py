@@ -16,16 +16,12 @@ from pathlib import Path as FilePath
 from shutil import rmtree
 from typing import Any, Final
 
-import numpy as np
-
 from foldback.planner.certificate.certificate import Certificate
-from foldback.planner.certificate.frame_figures import write_figures
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.chain_attributes import chain_attributes, chain_from_attributes
 from foldback.planner.explosion.diagnosis import stopped
 from foldback.planner.exports import mjcf
 from foldback.planner.motion.record import Record
-from foldback.planner.motion.timeline import Timeline
 from foldback.planner.pipeline import fold_layout as layout
 from foldback.planner.pipeline.attempt import Attempt, Candidates
 from foldback.planner.pipeline.fold_layout import last_frame
@@ -33,11 +29,8 @@ from foldback.planner.pipeline.preference import COMPUTING, Preference, Rank, ju
 from foldback.planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
 from foldback.planner.pipeline.retry_policy import RetryPolicy
 from foldback.planner.pipeline.search import FoldSpec, Result, Search, share_bent
-from foldback.planner.plan.moment_search import moments_of
-from foldback.planner.plan.moments import Moments
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.prepared_chains import PreparedChains, key_of
-from foldback.planner.plan.steps import find_steps
 from foldback.planner.playback.playback import Playback
 from foldback.planner.playback.unfolding import Unfolding
 from foldback.planner.storage import file_names as names
@@ -212,8 +205,6 @@ class Workspace:
 
     def write_judgement(self, result: Result) -> None:
         """Write a certificate, after the curves that belong to it."""
-        if result.clearances is not None:
-            np.save(self.directory / names.CLEARANCES_FILE, result.clearances)
         if result.forces is not None:
             result.forces.save(self.directory / names.FORCES)
         assert result.certificate is not None
@@ -221,7 +212,7 @@ class Workspace:
 
     def drop_curves(self) -> None:
         """Remove the curves of a certificate, which is about to be made anew."""
-        self._drop(names.CLEARANCES_FILE, names.FORCES)
+        self._drop(names.FORCES)
 
     def read_certificate(self) -> Certificate | None:
         """Return the certificate; None where there is none."""
@@ -260,43 +251,6 @@ class Workspace:
         write_whole(self.directory / names.MODEL, mjcf.write(plan))
         plan.save_npz(self.directory / names.PLAN)
         return plan.save_json(self.directory / names.PLAN_TEXT)
-
-    def write_figures(self) -> FilePath:
-        """Write the figures of the timeline, as far as it goes; return their path.
-
-        Raises:
-            TimelineError: When the fold has no timeline.
-        """
-        path, clearances = self.directory / names.FIGURES, self._result(names.CLEARANCES_FILE)
-        write_figures(
-            self._result(names.TIMELINE),
-            path,
-            self.read_request().parameters(),
-            certificate=self.read_certificate(),
-            clearances=np.load(clearances) if clearances.exists() else None,
-        )
-        clearances.unlink(missing_ok=True)
-        return path
-
-    def find_moments(self, plan: Plan) -> Moments | None:
-        """Return the moments of the timeline of a plan; None without a playback."""
-        certificate = self.read_certificate()
-        timeline = self._result(names.TIMELINE)
-        if certificate is None or not timeline.exists():
-            return None
-        return moments_of(
-            Timeline.open(timeline),
-            module_size=certificate.module_size,
-            figures=self.directory / names.FIGURES,
-            forces=self._result(names.FORCES),
-            direct=self._result(names.RECORD).exists(),
-            steps=find_steps(plan),
-        )
-
-    def write_moments(self, plan: Plan) -> None:
-        """Write the moments of the timeline of a plan, after its figures."""
-        if (moments := self.find_moments(plan)) is not None:
-            write_json(self.directory / names.MOMENTS, moments.as_dict())
 
     def drop_manifest(self) -> None:
         """Remove the digests of files that are about to change."""
@@ -343,9 +297,9 @@ class Workspace:
         # The chain is the first candidate's.
         self._drop(names.ATTEMPTS_DIR, names.PLANS_DIR, names.ATTEMPTS, *names.RESULT_FILES[1:])
 
-    def drop_pictures(self) -> None:
-        """Remove what shows an earlier fold in this directory."""
-        self._drop(names.PICTURE, names.FIGURES, names.MOMENTS)
+    def drop_derived(self) -> None:
+        """Remove what was derived from an earlier fold in this directory."""
+        self._drop(names.PICTURE, *names.DERIVED_FILES)
 
     def keep_explosions(self, numbers: Collection[int]) -> None:
         """Remove the explosions that no certificate has judged, except for some."""

@@ -29,10 +29,6 @@ TIMELINE: Final = "timeline.zarr"
 RECORD: Final = "record.npz"
 PLAYBACK: Final = "playback.npz"
 CERTIFICATE: Final = "certificate.json"
-CLEARANCES_FILE: Final = "clearances.npy"
-"""File name of the clearance (smallest distance between modules) at each frame of the plan of a
-chain that was exploded by peeling (releasing modules from one end, group by group); kept until
-``figures.zarr`` is written."""
 FORCES: Final = "table.npz"
 """Name of the file with the hinge torques and contact forces at each frame of a fold on a table."""
 PLAN: Final = "plan.npz"
@@ -63,20 +59,23 @@ computes in advance."""
 PLAYABLE: Final = (CHAIN, TIMELINE, CERTIFICATE)
 """Files that are kept of a verified plan that was not chosen, so that the web page can still play
 it."""
-RESULT_FILES: Final = (CHAIN, TIMELINE, RECORD, PLAYBACK, CERTIFICATE, CLEARANCES_FILE, FORCES)
+RESULT_FILES: Final = (CHAIN, TIMELINE, RECORD, PLAYBACK, CERTIFICATE, FORCES)
 """Names of the files that one attempt of a fold writes into a folder of its own. When the fold is
 over, those of the best attempt are moved to the fold's directory."""
-EXPORTED_FILES: Final = (PLAN, PLAN_TEXT, MODEL, FIGURES, MOMENTS)
+EXPORTED_FILES: Final = (PLAN, PLAN_TEXT, MODEL)
 """Files that the last stage of a fold, the export, writes from the chosen attempt."""
+DERIVED_FILES: Final = (FIGURES, MOMENTS)
+"""Files that are computed from those of a finished fold when somebody asks for them."""
 DESCRIBED: Final = (
     *(INPUT, REQUEST, START_CHAIN, START_PLAN, RECORDED_PLAN, CANDIDATES, CHAIN, ATTEMPTS),
     *(RECORD, PLAYBACK, CERTIFICATE, FORCES, TIMELINE),
     *EXPORTED_FILES,
+    *DERIVED_FILES,
 )
 """Files of a fold that determine or describe its plan. The fold's manifest lists their SHA-256
 digests in this order, so that later changes are noticed."""
 FOLD_FILES: Final = (
     *DESCRIBED,
-    *(PREPARED, CLEARANCES_FILE, PICTURE, MANIFEST, ATTEMPTS_DIR, PLANS_DIR, TRIALS_DIR),
+    *(PREPARED, PICTURE, MANIFEST, ATTEMPTS_DIR, PLANS_DIR, TRIALS_DIR),
 )
 """All files and folders that a fold writes into its directory."""

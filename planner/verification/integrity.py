@@ -24,6 +24,7 @@ from foldback.planner.pipeline.manifest import (
     read_manifest,
 )
 from foldback.planner.storage.checked_zarr import check_chunks, read_group
+from foldback.planner.storage.file_names import DERIVED_FILES
 
 _RESULTS: Final[dict[FilePath, tuple[object, str | None]]] = {}
 _LOCK: Final = threading.Lock()
@@ -34,7 +35,8 @@ def check(directory: FilePath, *names: str) -> None:
 
     Args:
         directory: Directory of the fold.
-        names: Names of the files; one that the fold never had is not missed.
+        names: Names of the files; one that the fold never had, or that can be derived again, is
+            not missed.
 
     Raises:
         DamagedError: A file is missing, or was changed.
@@ -73,7 +75,8 @@ def _reason(directory: FilePath, name: str) -> str | None:
         if digests is not None and name not in digests:
             return None
         if not path.exists():
-            return None if digests is None else "the file is missing"
+            may_be_missing = digests is None or name in DERIVED_FILES
+            return None if may_be_missing else "the file is missing"
         if path.suffix == ".zarr":
             return _reason_of_group(path, digests)
         if digests is not None:

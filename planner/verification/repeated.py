@@ -12,7 +12,6 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from foldback.planner.arrays import Array
 from foldback.planner.certificate.frame_figures import write_figures
 from foldback.planner.certificate.table_forces import TableForces
 from foldback.planner.errors import UNREADABLE, InputError, PlannerError
@@ -155,15 +154,12 @@ def smoothing_differs(directory: FilePath, plan: Plan) -> Differences:
     yield from figure_differences(plan.smoothing, recomputed, "plan.npz smoothing")
 
 
-def plots_differ(
-    directory: FilePath, plan: Plan, clearances: Array | None, notes: list[str]
-) -> Differences:
+def plots_differ(directory: FilePath, plan: Plan, notes: list[str]) -> Differences:
     """Yield the differences of moments and plots from those computed again from the timeline.
 
     Args:
         directory: Directory of the fold.
         plan: The plan.
-        clearances: (F,) clearance at each frame of a windowed plan, pitches; None of others.
         notes: Receives a note if the fold is too long.
     """
     stored = [name for name in (MOMENTS, FIGURES) if (directory / name).exists()]
@@ -185,7 +181,7 @@ def plots_differ(
                 recomputed_path,
                 plan_parameters(plan, None),
                 certificate=plan.certificate,
-                clearances=clearances,
+                plan=plan.motion,
             )
             if FIGURES in stored:
                 yield from _curves_differ(directory / FIGURES, recomputed_path)

@@ -13,7 +13,6 @@ from typing import Any, Final
 import numpy as np
 
 from foldback import foldback_check
-from foldback.planner.arrays import Array
 from foldback.planner.certificate.certificate import Certificate, certify
 from foldback.planner.certificate.table_forces import TableForces
 from foldback.planner.chain.display_names import escaped
@@ -213,7 +212,6 @@ def _verified(
         attempts_differ(directory, plan, findings.notes),
     )
     repeated = _check_robots(directory, plan, playback, findings)
-    clearances: list[Array] = []
     forces: list[TableForces] = []
     certificate = certify(
         plan.chain,
@@ -223,7 +221,6 @@ def _verified(
         start=plan.start,
         progress=progress,
         with_margins=module_size is None,
-        sink=clearances.append if plan.motion.is_windowed else None,
         forces=forces.append,
     )
     if module_size is None:
@@ -241,7 +238,7 @@ def _verified(
             )
         findings.look(
             "moments.json and the curves in figures.zarr were computed again and match",
-            plots_differ(directory, plan, next(iter(clearances), None), findings.notes),
+            plots_differ(directory, plan, findings.notes),
         )
     opinion = _opinion(directory, npz, certificate, findings) if third_opinion else None
     reason = _reason(directory, plan, findings)

@@ -20,16 +20,17 @@ from foldback.cli.exit_statuses import INVALID_INPUT
 from foldback.cli.tour import stored_tour
 from foldback.planner.certificate.figures import FoldSummary
 from foldback.planner.chain.display_names import escaped
-from foldback.planner.errors import InputError, TimelineError
+from foldback.planner.errors import UNREADABLE, InputError, PlannerError, TimelineError
 from foldback.planner.explosion.diagnosis import stuck_of
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.parameters.parameters import FLOATING
+from foldback.planner.pipeline.derived_files import completed
 from foldback.planner.pipeline.fold_layout import result_path
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.module_values import values_in
 from foldback.planner.reasons import Reason
-from foldback.planner.storage.file_names import CERTIFICATE, FIGURES, PLAN_TEXT, REQUEST, TIMELINE
+from foldback.planner.storage.file_names import CERTIFICATE, PLAN_TEXT, REQUEST, TIMELINE
 from foldback.planner.storage.files import json_of
 from foldback.planner.storage.plain_values import from_plain
 from foldback.planner.verification.stored_fold import check_fold
@@ -48,13 +49,16 @@ PLAYED_FOLD_ID: Final = "fold"
 class FolderStore:
     """Fold source with a single fold, a directory."""
 
-    def __init__(self, directory: Path) -> None:
+    def __init__(self, directory: Path, derived_dir: Path | None = None) -> None:
         self._directory = directory
+        self._derived_dir = derived_dir
 
     def find(self, fold_id: str) -> LocatedFold | None:
         """Return the only fold if the id matches."""
         return (
-            LocatedFold(self.fold(fold_id), self._directory) if fold_id == PLAYED_FOLD_ID else None
+            LocatedFold(self.fold(fold_id), self._directory, derived=self._derived_dir)
+            if fold_id == PLAYED_FOLD_ID
+            else None
         )
 
     def tour(self, _fold_id: str) -> dict[str, Any] | None:
@@ -111,9 +115,17 @@ def row_of(directory: Path) -> ShownFold:
     )
 
 
-def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
-    """Return an application that displays one directory."""
-    store = FolderStore(directory)
+def create_player_app(
+    directory: Path, host: str = "127.0.0.1", *, derived_dir: Path | None = None
+) -> FastAPI:
+    """Return an application that displays one directory.
+
+    Args:
+        directory: Directory of the fold.
+        host: Address on which it listens.
+        derived_dir: Directory with the fold's figures and moments; None for ``directory``.
+    """
+    store = FolderStore(directory, derived_dir)
 
     @contextlib.asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
@@ -173,10 +185,18 @@ def play(
         typer.echo(escaped(f"{error}"), err=True)
         raise typer.Exit(INVALID_INPUT) from error
 
-    if not (directory / FIGURES).exists():
-        # Cancelled folds have none.
-        with contextlib.suppress(OSError, ValueError, KeyError, TypeError, TimelineError):
-            Workspace(directory).write_figures()
+    with contextlib.ExitStack() as opened:
+        derived_dir = None
+        # A page without plots is better than none.
+        with contextlib.suppress(PlannerError, *UNREADABLE):
+            derived_dir = opened.enter_context(completed(directory))
+        _serve(
+            create_player_app(directory, host, derived_dir=derived_dir), name, host, port, browser
+        )
+
+
+def _serve(app: FastAPI, name: str, host: str, port: int, browser: bool) -> None:
+    """Serve the page of a fold until SIGINT (Ctrl-C) or SIGTERM."""
 
     class Server(uvicorn.Server):
         """HTTP server that prints its address once it listens."""
@@ -193,7 +213,7 @@ def play(
 
     Server(
         uvicorn.Config(
-            create_player_app(directory, host),
+            app,
             host=host,
             port=port,
             log_level="warning",

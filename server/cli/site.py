@@ -7,7 +7,7 @@ import re
 import tempfile
 from collections import Counter
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -20,6 +20,7 @@ from rich.console import Console
 from foldback.cli.inputs import refuse
 from foldback.cli.options import AsJson
 from foldback.planner.errors import InputError, PlannerError
+from foldback.planner.pipeline.derived_files import completed
 from foldback.planner.pipeline.fold_layout import holds_fold, result_path
 from foldback.planner.plan.packed_fold import unpack
 from foldback.planner.storage.file_names import TIMELINE
@@ -64,11 +65,16 @@ def site(
                 "got the folder of a fold for the site. Choose another folder.",
                 where=str(out),
             )
-        with replacing_listed(out, None) as place, _shipped(finished) as shipped:
+        with (
+            replacing_listed(out, None) as place,
+            _shipped(finished) as shipped,
+            ExitStack() as opened,
+        ):
             for directory in folds or ():
                 for folder in _folds_in(directory):
                     check_fold(folder)
-                    shipped.append(_found(folder, folder.name))
+                    derived_dir = opened.enter_context(completed(folder))
+                    shipped.append(replace(_found(folder, folder.name), derived=derived_dir))
             shipped = _named_apart(shipped)
             if not shipped:
                 raise InputError("no-folds", "got no folds, expected --folds or --finished.")

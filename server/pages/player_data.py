@@ -117,7 +117,7 @@ async def figures(
         check(located.directory, TIMELINE, FIGURES)
         mark(request, located.row)
         with unless_replaced(OSError):
-            return _kept(request, cached_figures(located.directory, part))
+            return _kept(request, cached_figures(located.directory, located.derived_dir, part))
         return _nothing()
 
     return await asyncio.to_thread(answer)

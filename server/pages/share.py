@@ -154,7 +154,10 @@ def standalone_page(
     """Return a fold's page that plays without a server: see ``standalone_html``."""
     curves = forces = None
     with unless_replaced(OSError):
-        curves, forces = curves_of(located.directory), table_forces(located.directory)
+        curves, forces = (
+            curves_of(located.directory, located.derived_dir),
+            table_forces(located.directory),
+        )
     plan = located.directory / PLAN
     check(located.directory, PLAN)
     return standalone_html(

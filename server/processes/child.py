@@ -25,7 +25,7 @@ import psutil
 from setproctitle import setproctitle
 
 from foldback.planner.errors import InputError
-from foldback.planner.progress import Cancelled, Progress, Report
+from foldback.planner.progress import STAGES, Cancelled, Progress, Report
 from foldback.planner.storage.files import settle
 from foldback.server.errors import UNEXPECTED_WORDS
 from foldback.server.processes.landlock import Allowed, no_new_rights
@@ -189,6 +189,7 @@ def _step_back(niceness: int) -> None:
 
 
 def _stages() -> Task:
+    from foldback.planner.pipeline.derived_files import complete
     from foldback.planner.pipeline.stages import run_stage
 
     _load(*COMPUTING_LIBRARIES, MESH_LIBRARY, "zarr.codecs")
@@ -200,6 +201,8 @@ def _stages() -> Task:
             if not is_locked:
                 return {"status": "cancelled", "reason": "another process has taken over the fold"}
             result = dict(run_stage(stage, directory, progress=progress, cancelled=cancelled))
+            if stage == STAGES[-1]:
+                complete(directory)
             # Once a stage is recorded as finished, its files must survive a power failure.
             settle(directory)
             return result

@@ -18,12 +18,19 @@ class LocatedFold:
         directory: Directory with its files.
         recorded: Id of the fold whose plan was smoothed; None if there is none or it is deleted.
         alternative_to: Id of the fold that this is an alternative plan of, or None.
+        derived: Directory with its figures and moments if that is another one; None if not.
     """
 
     row: ShownFold
     directory: Path
     recorded: str | None = None
     alternative_to: str | None = None
+    derived: Path | None = None
+
+    @property
+    def derived_dir(self) -> Path:
+        """Directory with its figures and moments, which may be missing."""
+        return self.derived or self.directory
 
 
 class FoldSource(Protocol):

@@ -29,7 +29,7 @@ def tour_of(
 
 def draft_of(located: LocatedFold) -> dict[str, Any] | None:
     """Return the draft for a fold that is over as plain values; None without frames."""
-    moments = stored_moments(located.directory)
+    moments = stored_moments(located.derived_dir)
     drafted = draft_tour(located.row, frames_promised(located.directory), moments)
     return None if drafted is None else drafted.as_dict()
 
@@ -41,5 +41,5 @@ def values_of(store: FoldSource, located: LocatedFold) -> dict[str, Any] | None:
 
 def steps_in(located: LocatedFold) -> list[dict[str, Any]] | None:
     """Return the steps of a fold as plain values; None without steps."""
-    moments = stored_moments(located.directory)
+    moments = stored_moments(located.derived_dir)
     return None if moments is None else moments.as_dict().get("steps")

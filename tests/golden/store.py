@@ -6,6 +6,7 @@ from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
+from foldback.planner.pipeline.derived_files import complete
 from tests.golden.cases import CASES
 from tests.golden.digests import Digests, Values, digests, summary
 from tests.golden.machine import machine, machine_key
@@ -37,6 +38,7 @@ def compute(name: str) -> Result:
     """Fold one case in a directory of its own."""
     with TemporaryDirectory(prefix="golden-") as place:
         CASES[name].fold(FilePath(place))
+        complete(FilePath(place))
         return Result.from_directory(FilePath(place))
 
 

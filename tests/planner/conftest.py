@@ -9,6 +9,7 @@ import pytest
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.path import Path
 from foldback.planner.motion.record import Record
+from foldback.planner.pipeline.derived_files import complete
 from foldback.planner.plan.plan import Plan
 from foldback.planner.playback.playback import Playback
 from tests.planner.folds import run_fold
@@ -47,6 +48,7 @@ def folded(tmp_path_factory: pytest.TempPathFactory) -> Folded:
             making = directory.with_suffix(".making")
             shutil.rmtree(making, ignore_errors=True)
             run_fold(making, (SHAPES / "wrench-24.json").read_bytes(), strategy="simultaneous")
+            complete(making)
             making.rename(directory)
     plan = Plan.load(directory / "plan.npz")
     return Folded(

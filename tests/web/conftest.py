@@ -10,6 +10,7 @@ from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.timeline import TimelineWriter
 from foldback.planner.pathfinding.snake import snake_path
+from foldback.planner.pipeline.derived_files import complete
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.workspace import Workspace
@@ -91,6 +92,7 @@ def kinematic(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def _fold(directory: Path, data: bytes, **options: str) -> Path:
     Workspace(directory).write_request(FoldRequest(**options), data)
     run_stages(directory)
+    complete(directory)
     return directory
 
 

@@ -42,28 +42,38 @@ _FORCES: Final[Cache[TableForces]] = Cache(
 _MESSAGES: Final[Cache[bytes]] = Cache(32 * 2**20, len)
 
 
-def cached_figures(directory: Path, part: int | None = None) -> bytes:
+def cached_figures(directory: Path, derived_dir: Path, part: int | None = None) -> bytes:
     """Return ``curves_of``, or ``stretch_of`` a part; recent messages are cached.
+
+    Args:
+        directory: Directory of the fold.
+        derived_dir: Directory with its figures.
+        part: Number of the stretch; None for the curves.
 
     Raises:
         TimelineError: If there are no figures, or no such stretch.
         OSError: If they are being replaced.
     """
-    parts = [directory / FIGURES / "zarr.json", result_path(directory, TIMELINE) / "zarr.json"]
+    parts = [derived_dir / FIGURES / "zarr.json", result_path(directory, TIMELINE) / "zarr.json"]
     parts += [path for path in (result_path(directory, FORCES),) if path.exists()]
     key = (directory, part, *map(version_of, parts))
     return _MESSAGES.get_or_make(
-        key, lambda: curves_of(directory) if part is None else stretch_of(directory, part)
+        key,
+        lambda: (
+            curves_of(directory, derived_dir)
+            if part is None
+            else stretch_of(directory, derived_dir, part)
+        ),
     )
 
 
-def curves_of(directory: Path) -> bytes:
+def curves_of(directory: Path, derived_dir: Path) -> bytes:
     """Return the data of a plot of all frames.
 
     Raises:
         TimelineError: If there are no figures.
     """
-    curves = Curves.load(directory / FIGURES)
+    curves = Curves.load(derived_dir / FIGURES)
     timeline = Timeline.open(result_path(directory, TIMELINE))
     total = len(timeline)
     error = 0.0
@@ -95,7 +105,7 @@ def curves_of(directory: Path) -> bytes:
     return encode(header, columns)
 
 
-def stretch_of(directory: Path, part: int) -> bytes:
+def stretch_of(directory: Path, derived_dir: Path, part: int) -> bytes:
     """Return the figures of the modules and hinges in one stretch of frames.
 
     Raises:
@@ -109,7 +119,7 @@ def stretch_of(directory: Path, part: int) -> bytes:
     if timeline.windowed and reference is not None:
         sent_columns: dict[str, NDArray[Any]] = {}
     else:
-        figures = Figures.load(directory / FIGURES, start, stop)
+        figures = Figures.load(derived_dir / FIGURES, start, stop)
         sent_columns = {
             "clearance": figures.clearance,
             "nearest": figures.nearest,

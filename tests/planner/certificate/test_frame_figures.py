@@ -19,7 +19,7 @@ from foldback.planner.errors import TimelineError
 from foldback.planner.motion.motion import Phase
 from foldback.planner.motion.timeline import Timeline, TimelineWriter
 from foldback.planner.parameters.parameters import Parameters
-from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.pipeline.derived_files import complete
 from tests.planner.chains import Array, anchored, coil, random_angles
 
 PARAMETERS = Parameters()
@@ -111,7 +111,8 @@ def test_figures_agree_with_the_certificate(folded: Any, tmp_path: FilePath) -> 
     slower = figures_of(tmp_path / "timeline.zarr", PARAMETERS, slow)
     np.testing.assert_allclose(slower.torque_nm, 0.25 * figures.torque_nm, rtol=1e-5)
     # Without a certificate the speed is that of the frames, not of the plan.
-    alone = Curves.load(Workspace(tmp_path).write_figures())
+    complete(tmp_path)
+    alone = Curves.load(tmp_path / "figures.zarr")
     np.testing.assert_array_equal(alone.min_clearance, figures.min_clearance)
     np.testing.assert_allclose(alone.peak_torque_nm, figures.peak_torque_nm, rtol=0.02)
 

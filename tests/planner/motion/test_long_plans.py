@@ -21,6 +21,7 @@ from foldback.planner.motion.motion import PHASES, Motion
 from foldback.planner.motion.record import Record
 from foldback.planner.motion.timeline import Timeline, TimelineWriter
 from foldback.planner.parameters.parameters import Parameters, preset
+from foldback.planner.pipeline.derived_files import complete
 from foldback.planner.pipeline.stages import run_stage, run_stages
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.shape_writers import write_chain
@@ -42,6 +43,7 @@ def directory(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     place = tmp_path_factory.mktemp("peeled")
     settings = "simulated_modules=50"
     run_stages(write_request(place, write_chain(snake(BOX)), strategy="peel", settings=settings))
+    complete(place)
     return place
 
 

@@ -22,6 +22,7 @@ from foldback.planner.motion.record import Record
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.parameters.playback import PlaybackParameters
+from foldback.planner.pipeline.derived_files import complete
 from foldback.planner.pipeline.fold import fold, refold
 from foldback.planner.pipeline.manifest import write_manifest
 from foldback.planner.pipeline.request import FoldRequest
@@ -53,6 +54,7 @@ def folder(square: Plan, tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     """Directory of a square that becomes a hairpin; tests must not change it."""
     directory = tmp_path_factory.mktemp("refold")
     refold(square, HAIRPIN, directory=directory)
+    complete(directory)
     return directory
 
 

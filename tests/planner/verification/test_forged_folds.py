@@ -13,6 +13,7 @@ import pytest
 import zarr
 
 from foldback.planner.chain.path import Path
+from foldback.planner.pipeline.derived_files import complete
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.shape_writers import write_path
 from foldback.planner.verification.verify import verify
@@ -33,6 +34,7 @@ def whole_plan(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     """Verified fold of a box; tests must not change it."""
     place = tmp_path_factory.mktemp("whole") / "fold"
     run_fold(place, SHAPE, filename="box.json", strategy="simultaneous", settings="robots=2")
+    complete(place)
     return place
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from foldback.planner.errors import InputError
+from foldback.planner.pipeline.derived_files import complete
 from foldback.planner.plan.plan import Plan
 from foldback.planner.reasons import Reason, ReasonCode
 from foldback.planner.storage.files import json_of
@@ -52,6 +53,7 @@ def folds(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     place = tmp_path_factory.mktemp("folds")
     for seed in (1, 2):
         run_fold(place / str(seed), seed=seed, settings="robots=1", strategy="simultaneous")
+        complete(place / str(seed))
     return place / "1", place / "2"
 
 

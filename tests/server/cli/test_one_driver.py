@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from foldback.planner.chain.path import Path as CellPath
+from foldback.planner.pipeline.derived_files import complete
 from foldback.planner.pipeline.fold import fold
 from foldback.planner.readers import read
 from foldback.planner.storage.file_names import INPUT, PLAN, PLAN_TEXT
@@ -23,6 +24,7 @@ def test_service_command_line_and_memory_compute_the_same(
     file.write_bytes(data)
     options = ("--seed", "3", "--strategy", "simultaneous")
     assert foldback("fold", file, "--out", directory, *options).returncode == 0
+    complete(directory)
     computed = digests(finished.directory)
     assert digests(directory) == computed
 
