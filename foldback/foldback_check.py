@@ -32,12 +32,22 @@ folded, modules behind it straight, and each of both parts moves as one rigid bo
 has all angles is a window that holds all hinges.
 ROUNDING, u = 2^-53. An angle is off by 4 u |step| + 2 u |angle|, sine and cosine by 8 u more: a in
 all. A hinge mixes two columns of a rotation, each is off by 2 a + 3 u; a constant rotation whose
-entries are not 0, 1 or -1 adds 40 u. Rotating keeps the Frobenius norm of an error. So m links on a
-rotation is off by m e, with e the sum of one link, and a position by l m^2 (e/2 + 8 u), with l the
-length of a link. Points of j seen from i are off by n (l n + 2 r) (2 e + 48 u) for n modules.
-Bernstein coefficients multiply that by |B|; B itself, axes and supports add 256 u (l n + 2 r) |B|.
-The sum is `rounding`, taken off every bound; 1e-8 for 160 cubes. Sums of rates have `slack`, and
-factors near 1 are within 1e-9.
+entries are not 0, 1 or -1 adds 40 u. Let e be the sum of one link, l its length. Rotating keeps the
+Frobenius norm of an error. So m links on, a rotation is off by m e. The error of one link turns
+what is behind it, and so moves a point by e times its distance d from the link; adding up a
+position that is at most x long adds 16 u x. So m links move a point by m (e d + 16 u x) at most.
+Points of j seen from i are off by n (l n + 2 r) (2 e + 48 u) for n modules, as d and x <= l n.
+BY PARTS. In windows that is less. Let c be the first module of the window, D be l plus the diagonal
+of the box about the folded centres. Rotations of the folded modules are made orthonormal, to 32 u:
+the modules in front are rigid bodies, off by n (D + 2 r) (2 e + 48 u) as seen from c, since d <= D
+and x <= D for them. No distance is off by more because of that. From these bodies, as from others,
+window and tail are seen with d <= l n and x <= D + l n, but only m links turn, m being the most of
+a batch: hinges at 0 and poses in the straight chain are exact where all constant turns are, and
+anchor and offset are halves of whole numbers. So points are off by m (l n + D + 2 r) (2 e + 48 u).
+The sum of both is used if it is less. A batch has m <= 2 w + 1, w being the most of one interval.
+Bernstein coefficients multiply that by |B|; B itself, axes and supports add 256 u |B| times the
+length l n + 2 r, by parts with D. The sum is `rounding`, taken off every bound; 1e-8 for 160 cubes.
+Sums of rates have `slack`, and factors near 1 are within 1e-7, which |B| (1 + 1e-6) covers.
 """
 
 import argparse
@@ -289,6 +299,7 @@ class Module:
         self.radius = np.linalg.norm(self.corners, axis=1).max() * (1 + 1e-12)
         self.length = (np.linalg.norm(anchor) + np.linalg.norm(offset)) * (1 + 1e-12)
         self.exact = np.isin(turns, (-1.0, 0.0, 1.0)).all()
+        self.is_straight_exact = self.exact and not (2 * np.append(anchor, offset) % 1).any()
         self.links = np.tile(np.eye(4), (len(self.names) + 1, 1, 1))
         self.links[:, 1:, 1:] = turns.swapaxes(1, 2)
         self.links[0, 0, 1:], self.links[-1, 0, 1:] = anchor, turns[-1] @ offset
@@ -334,7 +345,8 @@ class Plan:
     """A plan's file, checked against what it says of itself.
 
     A slot is a hinge of the chain, or one that a rigid link would have. In a frame, angles of slots
-    `first` to `last` are `values` from `offsets` on, those before as `folded`, those behind 0.
+    `first` to `last` are `values` from `offsets` on, those before as `folded`, those behind 0. From
+    a frame to the next, links `low` to `high` turn, at most `widest` of them.
 
     Raises:
         NotProved: It contradicts itself, or claims nothing. Any other error: it cannot be read.
@@ -421,6 +433,10 @@ class Plan:
             hashed.update(np.ascontiguousarray(array))
         self.digest, self.values = hashed.hexdigest(), values.ravel().astype(float)
         self.first, self.last, self.offsets = first + self.pad, last + self.pad, offsets
+        two = [np.minimum(np.arange(frames) + k, frames - 1) for k in range(2)]
+        self.low = self.first[two].min(0) // len(module.names)
+        self.high = -(-self.last[two].max(0) // len(module.names))
+        self.widest = (self.high - self.low).max()
         self.largest = np.abs(np.append(self.values, self.folded)).max()
 
     def _decoded(self, planes, first, last, offsets):
@@ -500,8 +516,8 @@ class Batch:
         self.proof, hinges = proof, len(module.names)
         self.k, t, w = (np.array([item[a] for item in items]) for a in range(3))
         ends = self.k, np.minimum(self.k + 1, plan.frames - 1)
-        self.c = c = min(plan.first[list(ends)].min() // hinges, n - 2)
-        self.m = m = max(-(-plan.last[list(ends)].max() // hinges) - c, 1)
+        self.c = c = min(plan.low[self.k].min(), n - 2)
+        self.m = m = max(plan.high[self.k].max() - c, 1)
         q, rate = (np.array([plan.angles(f, c * hinges, (c + m) * hinges) for f in frames])
                    for frames in ends)
         rate -= q
@@ -570,21 +586,38 @@ class Proof:
     """The proof that a motion keeps a clearance; what it came across is in its attributes."""
 
     def __init__(self, plan):
-        module, n, hinges = plan.module, plan.count, len(plan.module.names)
+        module, n = plan.module, plan.count
         self.plan, self.tightest, self.looks, self.step = plan, (math.inf, 0.0, 0, 0), 0, 0.0
-        a = (4 * 2 + 2) * plan.largest * U + 8 * U
-        e = hinges * math.sqrt(2) * (2 * a + 3 * U) + (not module.exact) * (hinges + 1) * 40 * U
-        size = np.abs(BERNSTEIN).sum(1).max() * (module.length * n + 2 * module.radius)
-        self.rounding = float(size * (n * (2 * e + 48 * U) + 256 * U))
-        self.reach = 2 * module.radius + plan.claim + self.rounding
         self.folded, self.straight = (np.insert(module.chain(angles), 0, [1, 0, 0, 0], axis=2)
                                       for angles in (plan.folded, 0.0 * plan.folded))
+        turns = self.folded[:, 1:, 1:]
+        turns[:] = 1.5 * turns - 0.5 * turns @ turns.swapaxes(1, 2) @ turns  # orthonormal
+        self.chain_rounding, by_parts = self._roundings()
+        self.rounding = min(self.chain_rounding, by_parts)
+        self.reach = 2 * module.radius + plan.claim + self.rounding
         todo = [(k, 0.0, 1.0, None) for k in reversed(range(max(1, plan.frames - 1)))]
         while todo:
             items = todo[-max(1, MODULES_AT_ONCE // n) :]
+            k = [item[0] for item in reversed(items)]
+            links = np.maximum.accumulate(plan.high[k]) - np.minimum.accumulate(plan.low[k])
+            items = items[-np.count_nonzero(links <= 2 * plan.widest) :]
             todo[-len(items) :] = self._halves(items)
         require(self.step <= plan.step + 1e-9, f"a hinge turns by {self.step:.6f} rad "
                 "between two frames, more than the plan states")
+
+    def _roundings(self):
+        """Return the bounds of ROUNDING: of any chain; by parts, or infinite without them."""
+        plan, module, n, hinges = (self.plan, self.plan.module, self.plan.count,
+                                   len(self.plan.module.names))
+        a = (4 * 2 + 2) * plan.largest * U + 8 * U
+        e = hinges * math.sqrt(2) * (2 * a + 3 * U) + (not module.exact) * (hinges + 1) * 40 * U
+        scale, link = np.abs(BERNSTEIN).sum(1).max() * (1 + 1e-6), 2 * e + 48 * U
+        D = module.length + np.linalg.norm(np.ptp(self.folded[:, 0, 1:], axis=0))
+        size = module.length * n + 2 * module.radius
+        moved = n * (D + 2 * module.radius) + (2 * plan.widest + 1) * (size + D)
+        by_parts = moved * link + (size + D) * 256 * U
+        return (float(scale * size * (n * link + 256 * U)),
+                float(scale * by_parts) if module.is_straight_exact else math.inf)
 
     def _halves(self, items):
         """Return the halves of the intervals in which something is not proved."""

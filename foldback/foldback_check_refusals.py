@@ -259,7 +259,8 @@ def check(path, record):
         try:
             plan = Refused(path, record)
             proof = prove(plan, result)
-            because = REASONS[plan.evidence["kind"]](plan, plan.evidence, proof.rounding + 1e-9)
+            b = proof.chain_rounding + 1e-9
+            because = REASONS[plan.evidence["kind"]](plan, plan.evidence, b)
             limit = OTHER_MODULE * (not plan.is_usual)
             result |= {"verdict": "refusal confirmed" + f", but {limit}" * bool(limit),
                       "because": because, "reason": limit, "limits": [limit] * bool(limit)}

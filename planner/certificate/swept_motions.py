@@ -92,7 +92,9 @@ class Sweeper:
         message = f"checking the {name}"
         self.progress(Progress(stage="certify", fraction=fraction, message=message))
         swept = sweep(self.chain, motion, module_size=self.size, share=share, cancelled=self._stops)
-        rounding = clearance_rounding(self.chain, self.size) if swept.bound > 0.0 else 0.0
+        if swept.bound <= 0.0:
+            return swept
+        rounding = clearance_rounding(self.chain, motion, self.size)
         return replace(swept, bound=swept.bound - rounding)
 
     def _stops(self) -> bool:

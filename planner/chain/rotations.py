@@ -52,6 +52,15 @@ def wxyz_from_matrix(matrix: Array) -> Array:
     return rows / np.where(rows[..., :1] < 0, -length, length)
 
 
+def orthonormalised(matrix: Array) -> Array:
+    """Return (..., 3, 3) rotations with columns orthonormal up to the rounding of a few operations.
+
+    Newton's method, one step, as the given matrices are off by a sum of rounding errors only.
+    Higham: Computing the polar decomposition, with applications, 1986.
+    """
+    return 1.5 * matrix - 0.5 * matrix @ np.swapaxes(matrix, -1, -2) @ matrix
+
+
 def aligned_distances(points: Array, target: Array) -> Array:
     """(n,) distances that remain after the best rigid motion of (n, 3) points onto a target.
 

@@ -249,7 +249,7 @@ class _Kinds:
     @classmethod
     def of(cls, chain: Chain, motion: Motion, module_size: float, probability: float) -> _Kinds:
         """Return the kinds of errors of a motion, with the failure probability of random ones."""
-        rounding = clearance_rounding(chain, FULL_SIZE)
+        rounding = clearance_rounding(chain, motion, FULL_SIZE)
         deviations = _deviations(chain, motion, probability)
         return cls(size=module_size, rounding=rounding, deviations=deviations)
 

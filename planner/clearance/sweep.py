@@ -28,6 +28,7 @@ from foldback.planner.arrays import Array, Flags, Ints
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import Poses, forward_kinematics
 from foldback.planner.chain.module import Module
+from foldback.planner.chain.rotations import orthonormalised
 from foldback.planner.core import (
     BODY_COLUMNS,
     ROTATION,
@@ -365,7 +366,7 @@ def _shape(
     core[:, ROTATION:VELOCITY] = np.eye(3).ravel()
     if at_rest is not None:
         core[:, :ROTATION] = at_rest[0].positions
-        core[:, ROTATION:VELOCITY] = at_rest[0].rotations.reshape(n, 9)
+        core[:, ROTATION:VELOCITY] = orthonormalised(at_rest[0].rotations).reshape(n, 9)
     centres = core[:, :ROTATION]
     low, high = centres.min(axis=0), centres.max(axis=0)
     # About as many cells as modules, even where a shape is thin and far apart.

@@ -18,7 +18,8 @@ class JavaScriptChecker:
     """Process of the pages' checker for many plans, used in a ``with`` statement.
 
     Args:
-        way: ``claim`` proves the claims of plans, ``size`` finds the largest size of their modules.
+        mode: ``claim`` proves the claims of plans, ``size`` finds the largest size of their
+            modules, ``rounding`` the bound of rounding errors.
     """
 
     def __init__(self, mode: str = "claim") -> None:

@@ -320,26 +320,3 @@ def test_output_that_cannot_be_written_gives_no_traceback(
     assert (piped.returncode, piped.stderr) == (0, "")
     assert filled.returncode == 2
     assert filled.stderr == "the answer cannot be written: No space left on device\n"
-
-
-def test_rounding_bound_covers_what_double_precision_loses() -> None:
-    random = np.random.default_rng(3)
-    modules: tuple[Any, ...] = (foldback_check.CUBE, foldback_check.TETRAHEDRON)
-    for meta in modules:
-        module = foldback_check.Module(meta, SIZE)
-        count, hinges = 100, len(module.names)
-        q = random.uniform(-1.5, 1.5, (count - 1, hinges, 1))
-        poses = module.poses(q, np.eye(4, 3, -1)[:, :, None])[:, 0]
-        exact, turn = np.zeros(3, np.longdouble), np.eye(3, dtype=np.longdouble)
-        worst = 0.0
-        for m in range(count - 1):
-            before = turn
-            for k, part in enumerate(np.array(meta["turns"], np.longdouble)):
-                turn = turn @ part
-                if k < hinges:
-                    c, s = np.cos(np.longdouble(q[m, k, 0])), np.sin(np.longdouble(q[m, k, 0]))
-                    turn = turn @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]], np.longdouble)
-            exact = exact + before @ meta["anchor"] + turn @ meta["offset"]
-            worst = max(worst, float(np.abs(poses[m + 1, 0] - exact).max()))
-            worst = max(worst, float(np.abs(poses[m + 1, 1:].T - turn).max()))
-        assert 0.0 < worst < count * count * 30 * foldback_check.U

@@ -49,5 +49,9 @@ async function largest(path) {
   return { size: found.proof.size, touch: found.touch, frames: frames.length };
 }
 
-const check = process.argv[2] === "size" ? largest : verdict;
+async function rounding(path) {
+  return { rounding: new Proof(await Plan.read(new Uint8Array(readFileSync(path)))).E };
+}
+
+const check = { size: largest, claim: verdict, rounding }[process.argv[2]];
 for await (const path of createInterface({ input: process.stdin })) console.log(JSON.stringify(await check(path)));

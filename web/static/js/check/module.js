@@ -90,6 +90,8 @@ export class Module {
     this.length = (norm(geometry.anchor) + norm(geometry.offset)) * (1 + 1e-12);
     this.hinges = geometry.hinges.length;
     this.exact = geometry.turns.flat(2).every((v) => v === 0 || Math.abs(v) === 1);
+    this.isStraightExact =
+      this.exact && [...geometry.anchor, ...geometry.offset].every((v) => Number.isInteger(2 * v));
   }
 
   /**
@@ -150,4 +152,19 @@ export class Module {
     for (let x = to; x < to + 3; x++)
       P[x] += offset[0] * P[x + 3] + offset[1] * P[x + 6] + offset[2] * P[x + 9];
   }
+}
+
+/**
+ * Make the axes of a pose orthonormal up to rounding, by a step of Newton's method.
+ * @param {Float64Array} P
+ * @param {number} at start of the pose
+ */
+export function orthonormalise(P, at) {
+  const rows = [3, 6, 9].map((k) => /** @type {Vector} */ ([...P.subarray(at + k, at + k + 3)]));
+  for (let r = 0; r < 3; r++)
+    for (let x = 0; x < 3; x++) {
+      let sum = 0;
+      for (const row of rows) sum += dot(rows[r], row) * row[x];
+      P[at + 3 + 3 * r + x] = 1.5 * rows[r][x] - 0.5 * sum;
+    }
 }

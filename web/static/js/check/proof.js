@@ -1,7 +1,7 @@
 // Proves that modules keep their clearance continuously, including between frames.
 // foldback_check.py has the lemmas and their proofs; the names follow it: S bounds the rotation of
 // hinges, L is the length of links, E the rounding error.
-import { cross, dot, Module, norm } from "./module.js";
+import { cross, dot, Module, norm, orthonormalise } from "./module.js";
 import { NotProved } from "./plan.js";
 
 /** @typedef {import("./plan.js").Plan} Plan */
@@ -51,6 +51,47 @@ const coefficient = (row, values, o) =>
   row[3] * values[o + 36] +
   row[4] * values[o + 48];
 
+/**
+ * Return the bound of rounding errors: ROUNDING in foldback_check.py.
+ * @param {Plan} plan
+ * @param {Module} m
+ */
+function roundingBound({ n, pad, folded, first, last, maxAngle, frames }, m) {
+  const angle = (4 * 2 + 2) * U * maxAngle + 8 * U,
+    e = m.hinges * Math.SQRT2 * (2 * angle + 3 * U) + (m.exact ? 0 : (m.hinges + 1) * 40 * U),
+    link = 2 * e + 48 * U,
+    size = m.length * n + 2 * m.radius,
+    rows = BERNSTEIN.map((row) => row.reduce((sum, x) => sum + Math.abs(x), 0)),
+    scale = Math.max(...rows) * (1 + 1e-6),
+    chain = scale * size * (n * link + 256 * U);
+  if (!m.isStraightExact) return chain;
+  const pose = Float64Array.from({ length: 24 }, (_, x) => Number(x < 12 && x % 4 === 3)),
+    angles = new Float64Array(pad + folded.length),
+    low = [0, 0, 0],
+    high = [0, 0, 0];
+  angles.set(folded, pad);
+  for (let j = 0; j < n - 1; j++) {
+    m.next(pose, 0, 12, angles, j * m.hinges);
+    pose.copyWithin(0, 12);
+    for (let x = 0; x < 3; x++) {
+      low[x] = Math.min(low[x], pose[x]);
+      high[x] = Math.max(high[x], pose[x]);
+    }
+  }
+  let widest = 0;
+  for (let k = 0; k < frames; k++) {
+    const after = Math.min(k + 1, frames - 1);
+    widest = Math.max(
+      widest,
+      Math.ceil((Math.max(last[k], last[after]) + pad) / m.hinges) -
+        Math.floor((Math.min(first[k], first[after]) + pad) / m.hinges),
+    );
+  }
+  const D = m.length + Math.hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]),
+    moved = n * (D + 2 * m.radius) + (2 * widest + 1) * (size + D);
+  return Math.min(chain, scale * (moved * link + (size + D) * 256 * U));
+}
+
 export class Proof {
   M = new Float64Array(POSES); // poses of one module relative to another
   line = new Float64Array(POSES); // the same along an axis
@@ -68,11 +109,8 @@ export class Proof {
    */
   constructor(plan, size = plan.size) {
     const m = new Module(plan.module.geometry, size),
-      still = new Float64Array(m.hinges),
-      angle = (4 * 2 + 2) * U * plan.maxAngle + 8 * U;
-    const e = m.hinges * Math.SQRT2 * (2 * angle + 3 * U) + (m.exact ? 0 : (m.hinges + 1) * 40 * U);
-    const scale = Math.max(...BERNSTEIN.map((row) => row.reduce((sum, x) => sum + Math.abs(x), 0)));
-    this.E = scale * (m.length * plan.n + 2 * m.radius) * (plan.n * (2 * e + 48 * U) + 256 * U);
+      still = new Float64Array(m.hinges);
+    this.E = roundingBound(plan, m);
     this.plan = plan;
     this.module = m;
     this.size = size;
@@ -179,8 +217,10 @@ export class Proof {
     for (let a = 0; a < POSES; a += 12) {
       for (let s = c * hinges; s < end * hinges; s++)
         angles[s] = q[s] + (t + w * NODES[a / 12]) * step[s];
-      for (let j = Math.min(c, this.folded); j < end; j++)
+      for (let j = Math.min(c, this.folded); j < end; j++) {
         module.next(P, j * POSES + a, (j + 1) * POSES + a, angles, j * hinges);
+        if (j < c) orthonormalise(P, (j + 1) * POSES + a);
+      }
     }
     for (let m = n - 2, all = 0; m >= 0; m--) {
       let turn = 0;
