@@ -1,5 +1,6 @@
 """Types of the compiled core; the sources beside it say how each function works."""
 
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -11,13 +12,18 @@ from foldback.planner.core.structures import (
     Array,
     ArticulatedBodies,
     ChainModel,
-    ContactModel,
     ContactPoints,
+    Controlled,
+    ControlLimits,
     CoreCells,
     CubeScratch,
+    DetectedContacts,
     FacetedHull,
     Field,
     Flags,
+    FloatingDrive,
+    FreeBodies,
+    GivenDrive,
     Grid,
     Hinges,
     Hull,
@@ -46,12 +52,15 @@ from foldback.planner.core.structures import (
     Shape,
     Solid,
     StepLimits,
+    StepsDone,
     SweepResult,
     SweptCells,
     TetrahedronScratch,
     Tolerance,
     TurningGaps,
-    WindowLoads,
+    WindowBody,
+    WindowState,
+    WindowSteps,
 )
 
 BODY_COLUMNS: Final[int]
@@ -180,59 +189,51 @@ def chain_velocities(
         modules: Poses as ``chain_poses`` writes them for ``q``; the velocities are written.
     """
 
-def unconstrained_accelerations(
+def constrained_accelerations(
     model: ChainModel,
-    q: Array,
-    qd: Array,
+    state: ReducedState,
     loads: Loads,
     modules: ModuleStates,
-    aba: ArticulatedBodies,
-    out: Accelerations,
-) -> None:
-    """Write the accelerations of a chain without contacts.
-
-    Args:
-        model: Inertial parameters of the chain.
-        q, qd: (J,) hinge angles and rates.
-        loads: Forces, and rotor inertias.
-        modules: Poses and velocities of all modules.
-        aba: Written.
-        out: Written; ``qdd`` is NaN where the numbers are not finite.
-    """
-
-def add_contacts(
-    contacts: PairContacts,
-    contact_model: ContactModel,
-    model: ChainModel,
-    modules: ModuleStates,
+    contacts: DetectedContacts,
+    stop_rad: float,
     aba: ArticulatedBodies,
     out: Accelerations,
 ) -> bool:
-    """Add the effect of contacts to accelerations without contacts, by an exact solution.
+    """Write the accelerations of a chain, hinges at their stops locked if they push outwards.
 
     Args:
-        contacts: m contacts.
-        contact_model: Their stiffness.
         model: Inertial parameters of the chain.
+        state: Hinges, and pose and velocity of the root.
+        loads: Forces, and rotor inertias.
         modules: Poses and velocities of all modules.
-        aba: From ``unconstrained_accelerations``.
-        out: From there; changed.
+        contacts: Contacts of the state.
+        stop_rad: Angle of the hinges' stops, either way.
+        aba: Written.
+        out: Written; ``qdd`` is NaN where the numbers are not finite.
 
     Returns:
-        False if no solution was found, and nothing is added.
+        True if they are finite.
     """
 
-def add_many_contacts(
-    contacts: PairContacts,
-    contact_model: ContactModel,
-    model: ChainModel,
-    modules: ModuleStates,
-    aba: ArticulatedBodies,
-    out: Accelerations,
-) -> None:
-    """Add the effect of contacts approximately, without writing A down; see ``add_contacts``.
+def adapt_tension(control: Controlled, limits: ControlLimits, depth: float) -> Controlled:
+    """Return the control of a step after its tension has adapted to the depth of contacts.
 
-    R is taken from an approximate diagonal of A, that of two modules that are not connected.
+    Args:
+        control: Control of the step.
+        limits: Its limits.
+        depth: Depth of the deepest contact, pitches.
+    """
+
+def limit_speeds(
+    control: Controlled, limits: ControlLimits, inverse_step_limit: float, contacts: int
+) -> tuple[Controlled, float]:
+    """Return the control of the next step, and the factor by which speeds are to be scaled.
+
+    Args:
+        control: Control of the step.
+        limits: Its limits.
+        inverse_step_limit: 1/Δt_max, 1/s: a step is allowed while its product with it is at most 1.
+        contacts: Number of contacts.
     """
 
 def servo_torques(
@@ -316,8 +317,14 @@ def robot_steps(
         is not finite, or needs contacts or stops.
     """
 
-def write_wxyzs(rotations: Array, selected: Ints, out: Array) -> None:
-    """Write unit quaternions of the selected of (n, 3, 3) rotations into (k, 4), with w ≥ 0."""
+def write_free_bodies(positions: Array, rotations: Array, bodies: FreeBodies) -> None:
+    """Write the poses of modules, and of a tail on the last one, as MuJoCo takes them.
+
+    Args:
+        positions: (n, 3) centres of the modules, in pitches.
+        rotations: (n, 3, 3) their orientations.
+        bodies: MuJoCo's state; written.
+    """
 
 def write_state(
     q: Array, qd: Array, modules: ModuleStates, layout: SegmentLayout, qpos: Array, qvel: Array
@@ -557,13 +564,39 @@ def distances_at(field: Array, low: Array, points: Array, out: Array) -> None:
         out: (k,) written.
     """
 
-def window_forces(positions: Array, loads: WindowLoads, core: CoreCells) -> Array:
-    """Return (m, 3) forces: radial ones (eq. 1 of the paper), the pull, and repulsion (eq. 3).
+def floating_peel_steps(
+    window: WindowBody,
+    drive: FloatingDrive,
+    state: WindowState,
+    find: Callable[[], PairContacts | None],
+    out: WindowSteps,
+) -> StepsDone:
+    """Make steps of a floating window until one is not finite or its contacts are too deep.
 
     Args:
-        positions: (m, 3) centres of the window's modules, in the core's frame.
-        loads: Strengths and directions.
-        core: Cells that are still folded.
+        window: Modules of the window.
+        drive: Forces on them.
+        state: State; its arrays are changed.
+        find: Returns the contacts of the modules in MuJoCo's state, or None if there are none.
+        out: States before each step; written.
+    """
+
+def peel_step(
+    window: WindowBody,
+    drive: GivenDrive,
+    state: WindowState,
+    find: Callable[[], PairContacts | None],
+    out: WindowSteps,
+) -> StepsDone:
+    """Make a step of a window under given forces; see ``floating_peel_steps``."""
+
+def window_stiffness(positions: Array, drive: FloatingDrive, out: Array) -> None:
+    """Write the (J,) stiffness of the springs of a floating window.
+
+    Args:
+        positions: (m, 3) centres of the window's modules.
+        drive: Forces on them.
+        out: Written.
     """
 
 def window_inverse_step_limit(

@@ -1,5 +1,7 @@
-// The named tuples `ArticulatedBodies` and `Accelerations` of Python.
+// The named tuples `ArticulatedBodies`, `Accelerations` and `Loads` of Python.
 #pragma once
+
+#include <algorithm>
 
 #include "articulated.hpp"
 #include "module_bindings.hpp"
@@ -15,6 +17,16 @@ struct AccelerationViews {
   View<double, 1> qdd, root;
 };
 
+// The named tuple `Loads` of Python.
+struct LoadViews {
+  View<const double, 1> torques, rotor_inertias;
+  View<const double, 2> forces;
+  View<const double, 1> end_torque;
+};
+
+inline auto fields(LoadViews &l) {
+  return std::tie(l.torques, l.rotor_inertias, l.forces, l.end_torque);
+}
 inline auto fields(ArticulatedBodyViews &b) {
   return std::tie(b.S, b.U, b.D, b.root_inertia, b.root_acceleration);
 }
@@ -26,6 +38,12 @@ inline void require_bodies(const ArticulatedBodyViews &aba, Index n, Index K) {
   require(aba.D.shape() == std::array<Index, 3>{n, K, K}, "aba.D: (n, K, K)");
   require(aba.root_inertia.shape() == std::array<Index, 2>{6, 6}, "aba.root_inertia: (6, 6)");
   require(aba.root_acceleration.size() == 6, "aba.root_acceleration: (6,)");
+}
+
+inline void require_accelerations(const AccelerationViews &out, const ChainModel &model) {
+  require(out.qdd.size() == std::max<Index>(0, model.joint.first_hinge(model.masses.size() - 1)) &&
+              out.root.size() == 6,
+          "out: (J,) and (6,)");
 }
 
 inline ArticulatedBodies<double> bodies_of(const ArticulatedBodyViews &aba) {

@@ -5,12 +5,7 @@
 #include <cmath>
 #include <span>
 
-#include "articulated_bindings.hpp"
-
 namespace foldback {
-
-static auto fields(PairContacts &c) { return std::tie(c.pairs, c.normals, c.points, c.depths); }
-static auto fields(ContactModel &m) { return std::tie(m.time_constant, m.damping_ratio, m.solimp); }
 
 namespace {
 
@@ -331,10 +326,13 @@ bool solve_complementarity(const std::vector<double> &A, const std::vector<doubl
   return false;
 }
 
-bool add_contacts(const PairContacts &contacts, const ContactModel &model,
-                  const ContactChain &chain, const Accelerations<double> &out) {
+namespace {
+
+// Add the effect of contacts by an exact solution. Returns false if none was found, and nothing is
+// added.
+bool add_exactly(const PairContacts &contacts, const ContactModel &model, const ContactChain &chain,
+                 const Accelerations<double> &out) {
   Index m = contacts.size();
-  if (m == 0) return true;
   std::vector<double> A(m * m), b = biases(contacts, model, chain, out.qdd), forces(m);
   chain.hinges == 1 ? write_delassus<1>(contacts, chain, A.data())
                     : write_delassus<2>(contacts, chain, A.data());
@@ -345,8 +343,6 @@ bool add_contacts(const PairContacts &contacts, const ContactModel &model,
                     : add_response<2>(forces, contacts, chain, out);
   return true;
 }
-
-namespace {
 
 using Block = std::array<double, 36>;  // (6, 6) matrix, row by row
 
@@ -526,9 +522,11 @@ std::vector<double> solve_by_gradients(ScaledContactProblem<K> &problem) {
   return x;
 }
 
+// Add the effect of contacts approximately, without writing A down. R is taken from an approximate
+// diagonal of A, that of two modules that are not connected.
 template <int K>
-void add_many(const PairContacts &contacts, const ContactModel &model, const ContactChain &chain,
-              const Accelerations<double> &out) {
+void add_approximately(const PairContacts &contacts, const ContactModel &model,
+                       const ContactChain &chain, const Accelerations<double> &out) {
   ScaledContactProblem<K> problem(contacts, model, chain, biases(contacts, model, chain, out.qdd));
   add_response<K>(solve_by_gradients(problem), contacts, chain, out);
 }
@@ -543,28 +541,17 @@ void write_inverse(View<const double, 2> matrix, double *out) {
   }
 }
 
-void require_contacts(const PairContacts &contacts, Index n) {
-  Index m = contacts.size();
-  require(contacts.pairs.shape() == std::array<Index, 2>{m, 2}, "contacts.pairs: (m, 2)");
-  require(contacts.normals.shape() == std::array<Index, 2>{m, 3}, "contacts.normals: (m, 3)");
-  require(contacts.points.shape() == std::array<Index, 2>{m, 3}, "contacts.points: (m, 3)");
-  for (Index i : std::span(contacts.pairs.begin(), contacts.pairs.end()))
-    require(i >= 0 && i < n, "contacts.pairs: indices of modules");
+}  // namespace
+
+void add_contacts(const PairContacts &contacts, const ContactModel &model,
+                  const ContactChain &chain, const Accelerations<double> &out) {
+  if (contacts.size() <= model.max_direct && add_exactly(contacts, model, chain, out)) return;
+  chain.hinges == 1 ? add_approximately<1>(contacts, model, chain, out)
+                    : add_approximately<2>(contacts, model, chain, out);
 }
 
-// Check the arguments of both functions that add contacts, and call one of them.
-template <class Add>
-auto with_contacts(const PairContacts &contacts, const ContactModel &contact_model,
-                   const ChainModel &model, const ModuleStates &modules,
-                   const ArticulatedBodyViews &aba, const AccelerationViews &out, Add add) {
-  require_model(model);
-  require_states(modules);
-  require_bodies(aba, modules.size(), model.joint.hinges());
-  require(out.qdd.size() == std::max<Index>(0, model.joint.first_hinge(modules.size() - 1)) &&
-              out.root.size() == 6,
-          "out: (J,) and (6,)");
-  require(contact_model.solimp.size() == 5, "contact_model.solimp: (5,)");
-  require_contacts(contacts, modules.size());
+ContactChain contact_chain(const ChainModel &model, const ModuleStates &modules,
+                           const ArticulatedBodies<double> &bodies) {
   auto vectors = [n = modules.size()](View<const double, 2> v) {
     return View<const Vector<double>, 1>(reinterpret_cast<const Vector<double> *>(v.data()), {n});
   };
@@ -574,43 +561,10 @@ auto with_contacts(const PairContacts &contacts, const ContactModel &contact_mod
                      modules.positions,
                      vectors(modules.velocities),
                      vectors(modules.angular_velocities),
-                     bodies_of(aba),
+                     bodies,
                      {}};
-  nanobind::gil_scoped_release release;
-  write_inverse(aba.root_inertia, chain.inverse_root_inertia);
-  return add(contacts, contact_model, chain, accelerations_of(out));
-}
-
-}  // namespace
-
-void add_many_contacts(const PairContacts &contacts, const ContactModel &model,
-                       const ContactChain &chain, const Accelerations<double> &out) {
-  if (contacts.size() == 0) return;
-  chain.hinges == 1 ? add_many<1>(contacts, model, chain, out)
-                    : add_many<2>(contacts, model, chain, out);
-}
-
-void bind_contact_forces(nanobind::module_ &m) {
-  namespace nb = nanobind;
-  m.def(
-      "add_contacts",
-      [](PairContacts contacts, ContactModel contact_model, ChainModel model, ModuleStates modules,
-         ArticulatedBodyViews aba, AccelerationViews out) {
-        return with_contacts(contacts, contact_model, model, modules, aba, out, add_contacts);
-      },
-      nb::arg("contacts"), nb::arg("contact_model"), nb::arg("model"), nb::arg("modules"),
-      nb::arg("aba"), nb::arg("out"),
-      "Add the effect of contacts to accelerations without contacts, by an exact solution.\n\n"
-      "Returns False if no solution was found, and nothing is added.");
-  m.def(
-      "add_many_contacts",
-      [](PairContacts contacts, ContactModel contact_model, ChainModel model, ModuleStates modules,
-         ArticulatedBodyViews aba, AccelerationViews out) {
-        with_contacts(contacts, contact_model, model, modules, aba, out, add_many_contacts);
-      },
-      nb::arg("contacts"), nb::arg("contact_model"), nb::arg("model"), nb::arg("modules"),
-      nb::arg("aba"), nb::arg("out"),
-      "Add the effect of contacts approximately, without writing the contact problem down.");
+  write_inverse(View<const double, 2>(bodies.root_inertia, {6, 6}), chain.inverse_root_inertia);
+  return chain;
 }
 
 }  // namespace foldback

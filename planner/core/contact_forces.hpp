@@ -53,6 +53,13 @@ struct PairContacts {
 struct ContactModel {
   double time_constant, damping_ratio;
   View<const double, 1> solimp;
+  Index max_direct;  // largest number of contacts whose forces are solved exactly
+};
+
+// Contacts that a collision has found.
+struct Contacts {
+  PairContacts points;
+  ContactModel model;
 };
 
 // What contacts need to know of a chain: K hinges a joint.
@@ -64,15 +71,14 @@ struct ContactChain {
   double inverse_root_inertia[36];
 };
 
-// Add the effect of contacts to accelerations without contacts, by an exact solution. Returns false
-// if no solution was found, and nothing is added.
-bool add_contacts(const PairContacts &contacts, const ContactModel &model,
-                  const ContactChain &chain, const Accelerations<double> &out);
+// What contacts need to know of a chain, after its articulated-body pass.
+ContactChain contact_chain(const ChainModel &model, const ModuleStates &modules,
+                           const ArticulatedBodies<double> &bodies);
 
-// Add the effect of contacts approximately, without writing A down. R is taken from an approximate
-// diagonal of A, that of two modules that are not connected.
-void add_many_contacts(const PairContacts &contacts, const ContactModel &model,
-                       const ContactChain &chain, const Accelerations<double> &out);
+// Add the effect of contacts to accelerations without contacts: exactly, or approximately where
+// there are too many or no exact solution was found.
+void add_contacts(const PairContacts &contacts, const ContactModel &model,
+                  const ContactChain &chain, const Accelerations<double> &out);
 
 // Write the f ≥ 0 with A f + b ≥ 0 and fᵀ (A f + b) = 0, A being (m, m), symmetric and positive
 // definite, by block principal pivoting. Returns false if MAX_PIVOTS were not enough.

@@ -62,17 +62,7 @@ void distances_at(View<const double, 3> field, View<const double, 1> low,
   require(low.size() == 3, "low: (3,)");
   require(points.axis(1) == 3 && out.size() == points.size(), "points: (k, 3), out: (k,)");
   require(field.end() != field.begin(), "field: at least one cell");
-  for (Index i = 0; i < points.size(); ++i) {
-    double beyond = 0.0;
-    Index cell[3];
-    for (int r = 0; r < 3; ++r) {
-      double offset = points(i, r) - low[r];
-      double inside = std::min(std::max(offset, 0.0), static_cast<double>(field.axis(r)) - 1.0);
-      cell[r] = static_cast<Index>(std::rint(inside));
-      beyond += (offset - inside) * (offset - inside);
-    }
-    out[i] = field(cell[0], cell[1], cell[2]) + std::sqrt(beyond);
-  }
+  for (Index i = 0; i < points.size(); ++i) out[i] = distance_at(field, low, points[i].data());
 }
 
 }  // namespace

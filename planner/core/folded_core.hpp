@@ -28,6 +28,18 @@ struct CoreCells {
 };
 inline auto fields(CoreCells &c) { return std::tie(c.grid, c.low, c.box, c.first); }
 
+// Distances to the core, of the cells of a grid around it.
+struct CoreField {
+  View<const double, 3> distances;
+  View<const double, 1> low;  // (3,) first cell of the grid
+};
+inline auto fields(CoreField &f) { return std::tie(f.distances, f.low); }
+
+inline void require_field(const CoreField &field) {
+  require(field.low.size() == 3, "field.low: (3,)");
+  require(field.distances.begin() != field.distances.end(), "field: at least one cell");
+}
+
 inline void require_core(const CoreCells &core) {
   require(core.low.size() == 3, "core.low: (3,)");
   require(core.box.shape() == std::array<Index, 2>{2, 3}, "core.box: (2, 3)");
@@ -59,6 +71,21 @@ void for_near_core_cells(const CoreCells &core, const double *position, Index k,
         call(gap, dot(gap, gap));
       }
     }
+}
+
+// Approximate distance of a point to the cells that a distance field is about, its first cell being
+// `low`; outside the field, the distance to it is added.
+inline double distance_at(View<const double, 3> field, View<const double, 1> low,
+                          const double *point) {
+  double beyond = 0.0;
+  Index cell[3];
+  for (int r = 0; r < 3; ++r) {
+    double offset = point[r] - low[r];
+    double inside = std::min(std::max(offset, 0.0), static_cast<double>(field.axis(r)) - 1.0);
+    cell[r] = static_cast<Index>(std::rint(inside));
+    beyond += (offset - inside) * (offset - inside);
+  }
+  return field(cell[0], cell[1], cell[2]) + std::sqrt(beyond);
 }
 
 // Range a to b − 1 of a tail's modules, counted from 1, whose centres lie in a box. The tail begins

@@ -2,8 +2,7 @@
 #include <cmath>
 #include <span>
 
-#include "module_bindings.hpp"
-#include "vectors.hpp"
+#include "free_bodies.hpp"
 
 namespace foldback {
 
@@ -17,29 +16,6 @@ struct SegmentLayout {
 };
 auto fields(SegmentLayout &l) {
   return std::tie(l.starts, l.hinge_qpos, l.hinge_dofs, l.root_qpos, l.root_dofs);
-}
-
-// Write the unit quaternion (w, x, y, z) of a rotation matrix, w ≥ 0. It is a row of the outer
-// product of the quaternion with itself, times four: that with the largest square, which loses the
-// least.
-void write_quaternion(View<const double, 2> m, double *out) {
-  double trace = m(0, 0) + m(1, 1) + m(2, 2), largest = 1 + trace;
-  int best = 0;
-  for (int k = 0; k < 3; ++k) {
-    double square = 1 + 2 * m(k, k) - trace;
-    if (square > largest) {
-      best = k + 1;
-      largest = square;
-    }
-  }
-  double a = m(2, 1) - m(1, 2), b = m(0, 2) - m(2, 0), c = m(1, 0) - m(0, 1);
-  double d = m(1, 0) + m(0, 1), e = m(0, 2) + m(2, 0), f = m(2, 1) + m(1, 2);
-  const double rows[4][4] = {
-      {largest, a, b, c}, {a, largest, d, e}, {b, d, largest, f}, {c, e, f, largest}};
-  const double *q = rows[best];
-  double length = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-  if (q[0] < 0) length = -length;
-  for (int k = 0; k < 4; ++k) out[k] = q[k] / length;
 }
 
 // Write the velocities of the segments' roots into MuJoCo's qvel: it has ω in the frame of the
@@ -91,17 +67,6 @@ void write_state(View<const double, 1> q, View<const double, 1> qd, ModuleStates
 
 void bind_segment_state(nanobind::module_ &m) {
   namespace nb = nanobind;
-  m.def(
-      "write_wxyzs",
-      [](View<const double, 3> rotations, View<const Index, 1> selected, View<double, 2> out) {
-        require(rotations.axis(1) == 3 && rotations.axis(2) == 3, "rotations: (n, 3, 3)");
-        require(out.shape() == std::array<Index, 2>{selected.size(), 4}, "out: (k, 4)");
-        require_indices(selected, rotations.size(), "selected: indices of rotations");
-        for (Index k = 0; k < selected.size(); ++k)
-          write_quaternion(rotations[selected[k]], out[k].data());
-      },
-      nb::arg("rotations"), nb::arg("selected"), nb::arg("out"),
-      "Write unit quaternions of the selected of (n, 3, 3) rotations into (k, 4), with w ≥ 0.");
   m.def("write_state", write_state, nb::arg("q"), nb::arg("qd"), nb::arg("modules"),
         nb::arg("layout"), nb::arg("qpos"), nb::arg("qvel"),
         "Write the hinges, and the poses and velocities of the segments' roots.");

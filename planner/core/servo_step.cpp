@@ -13,18 +13,6 @@ constexpr double FRICTION_SPEED_RAD_S = 2e-3;
 // damping: it avoids a division by zero at rest.
 constexpr double MIN_SPEED_RAD_S = 1e-12;
 
-void require_state(const ReducedState &state, const ChainModel &model,
-                   const ModuleStates &modules) {
-  require_model(model);
-  require_states(modules);
-  require(model.masses.size() == modules.size(), "model.masses: (n,)");
-  Index J = std::max<Index>(0, model.joint.first_hinge(modules.size() - 1));
-  require(state.q.size() == J && state.qd.size() == J, "state.q, qd: (J,) of that many modules");
-  require(state.position.size() == 3 && state.velocity.size() == 3, "state: (3,) vectors");
-  require(state.angular_velocity.size() == 3, "state.angular_velocity: (3,)");
-  require(state.rotation.shape() == std::array<Index, 2>{3, 3}, "state.rotation: (3, 3)");
-}
-
 // τ = kp (q* − q_measured − h q̇) + kv (q̇* − q̇) + τ_feedforward + τ_friction.
 void write_servo_torques(View<const double, 1> q, View<const double, 1> qd,
                          const ServoTarget &target, View<const double, 1> noise,

@@ -1,7 +1,7 @@
 // One step of a robot: the torques of its servos, and the integration of its state.
 #pragma once
 
-#include "articulated_bindings.hpp"
+#include "reduced_state.hpp"
 
 namespace foldback {
 
@@ -9,7 +9,7 @@ namespace foldback {
 // the limit in the next.
 constexpr int MAX_SERVO_PASSES = 8;
 
-// The named tuples `RobotServos`, `ServoTarget` and `ReducedState` of Python.
+// The named tuples `RobotServos` and `ServoTarget` of Python.
 struct RobotServos {
   View<const double, 1> offsets, friction;
   double encoder_rad, stiffness, damping, expected_friction, limit;
@@ -17,23 +17,12 @@ struct RobotServos {
 struct ServoTarget {
   View<const double, 1> q, qd, feedforward;
 };
-struct ReducedState {
-  View<double, 1> q, qd, position;
-  View<double, 2> rotation;
-  View<double, 1> velocity, angular_velocity;
-};
 
 inline auto fields(RobotServos &s) {
   return std::tie(s.offsets, s.friction, s.encoder_rad, s.stiffness, s.damping, s.expected_friction,
                   s.limit);
 }
 inline auto fields(ServoTarget &t) { return std::tie(t.q, t.qd, t.feedforward); }
-inline auto fields(ReducedState &s) {
-  return std::tie(s.q, s.qd, s.position, s.rotation, s.velocity, s.angular_velocity);
-}
-
-// Raise ValueError unless these are arrays of one chain.
-void require_state(const ReducedState &state, const ChainModel &model, const ModuleStates &modules);
 
 // Write the torques of servos as if the present angles were those at the end of the step.
 void write_servo_torques(View<const double, 1> q, View<const double, 1> qd,

@@ -228,11 +228,74 @@ class ContactModel(NamedTuple):
         time_constant: Time in s in which a penetration decays, ``solref[0]``.
         damping_ratio: 1 for critical damping, ``solref[1]``.
         solimp: (5,) impedance as a function of depth.
+        max_direct: Maximum number of contacts whose forces are solved exactly.
     """
 
     time_constant: float
     damping_ratio: float
     solimp: Array
+    max_direct: int = MAX_DIRECT_CONTACTS
+
+
+class DetectedContacts(NamedTuple):
+    """Contacts that a collision has found.
+
+    Attributes:
+        points: m contact points.
+        model: Stiffness of all of them.
+    """
+
+    points: PairContacts
+    model: ContactModel
+
+
+NO_CONTACTS = DetectedContacts(
+    PairContacts(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)),
+    ContactModel(1.0, 1.0, np.zeros(5)),
+)
+"""Contacts of a state in which nothing touches."""
+
+
+class ControlLimits(NamedTuple):
+    """Limits within which time step, drag and tension of an explosion adapt.
+
+    Attributes:
+        min_step_s, max_step_s: Smallest and largest time step, s.
+        min_drag, max_drag: Smallest and largest drag α, 1/s.
+        max_step_in_contact_s: Largest time step while modules touch, s.
+        min_tension: Smallest factor of the tension.
+        max_depth: Depth of contacts beyond which a step is refused, pitches.
+        deep: Depth of contacts beyond which the tension falls, pitches.
+    """
+
+    min_step_s: float
+    max_step_s: float
+    min_drag: float
+    max_drag: float
+    max_step_in_contact_s: float
+    min_tension: float
+    max_depth: float
+    deep: float
+
+
+class Controlled(NamedTuple):
+    """Numbers of an explosion that adapt from step to step.
+
+    Attributes:
+        step_s: Time step, s.
+        drag: Drag α, 1/s.
+        tension: Factor of the tension, 0…1.
+        depth: Depth of the deepest contact in the last step, pitches.
+        contacts: Number of contacts in the last step that moved on.
+        steps: Number of steps so far.
+    """
+
+    step_s: float
+    drag: float
+    tension: float
+    depth: float
+    contacts: int
+    steps: int
 
 
 class RobotServos(NamedTuple):
@@ -546,26 +609,172 @@ class StepLimits(NamedTuple):
     pair: PairLimits
 
 
-class WindowLoads(NamedTuple):
-    """Strengths and directions of the forces on a window's m modules.
+class CoreField(NamedTuple):
+    """Distances to the core.
+
+    Attributes:
+        distances: (X, Y, Z) distances of the cells of a grid, in pitches.
+        low: (3,) first cell of the grid.
+    """
+
+    distances: Array
+    low: Array
+
+
+class FreeBodies(NamedTuple):
+    """Modules and a tail as free bodies in MuJoCo's state.
+
+    Attributes:
+        qpos: Poses, seven numbers each: of the modules, others, and last of the tail.
+        first: First module that may touch something.
+        tail: Number of modules of the tail on the last module; 0 for none.
+    """
+
+    qpos: Array
+    first: int
+    tail: int
+
+
+class WindowBody(NamedTuple):
+    """A window of m modules, with all that stays while it has the same modules.
+
+    Attributes:
+        model: Inertial parameters.
+        rotor_inertias: (J,) rotor inertias of the hinges.
+        stop_rad: Angle of the hinges' stops, either way.
+        core: Cells that are still folded.
+        tail: Number of modules of the tail.
+        bodies: Modules and tail in MuJoCo's state.
+        contact_model: Stiffness of contacts, with the smallest time constant; it is two steps.
+        cutoff: Distance in pitches beyond which modules and cells do not repel.
+        loose_rad: The window is loose if every hinge is bent less than this.
+        packed, loose: Displacements that are allowed in one step.
+        control: Limits of step, drag and tension.
+    """
+
+    model: ChainModel
+    rotor_inertias: Array
+    stop_rad: float
+    core: CoreCells
+    tail: int
+    bodies: FreeBodies
+    contact_model: ContactModel
+    cutoff: float
+    loose_rad: float
+    packed: StepLimits
+    loose: StepLimits
+    control: ControlLimits
+
+
+class FloatingDrive(NamedTuple):
+    """Strengths and directions of the forces on a floating window.
 
     Attributes:
         weights: (m,) relative radial gains of the modules.
-        source: (3,) point from which the radial forces diverge.
-        heading: (3,) unit vector of the pull on the last module.
-        cutoff: Distance in pitches beyond which modules and cells do not repel.
+        centre: (3,) centre of the unit that was released last.
+        aims: (A, 3) directions of the pull in the next steps; the last one stays.
+        field: Distances to the core.
+        spring: Stiffness of the springs near the core.
+        stiffening: Factor of the stiffness far from it.
         gain: γ of the paper's eq. 3.
-        tension: Largest sum of radial forces beyond a joint.
-        pull: Force along the heading.
+        tension: Largest sum of radial forces beyond a joint, as a multiple of ``spring``.
+        pull: Force on the last module, as a multiple of ``spring``.
+        alignment: Torque that turns the tail, as a multiple of ``spring``.
+        weak_gain, weak_tension: Factors of γ, and of tension and pull, in the weak part of a pulse.
+        weak_steps: Number of the next steps that are in that part.
+        stiffness_period: Number of steps for which the springs keep their stiffness.
     """
 
     weights: Array
-    source: Array
-    heading: Array
-    cutoff: float
+    centre: Array
+    aims: Array
+    field: CoreField
+    spring: float
+    stiffening: float
     gain: float
     tension: float
     pull: float
+    alignment: float
+    weak_gain: float
+    weak_tension: float
+    weak_steps: int
+    stiffness_period: int
+
+
+class GivenDrive(NamedTuple):
+    """Forces on a window in one step.
+
+    Attributes:
+        forces: (m, 3) forces on the modules.
+        end_torque: (3,) torque on the last module.
+    """
+
+    forces: Array
+    end_torque: Array
+
+
+class WindowState(NamedTuple):
+    """State of a window; its arrays are changed by steps.
+
+    Attributes:
+        reduced: Hinges, and pose and velocity of module 0.
+        modules: Poses and velocities of all modules, as placed last.
+        stiffness: (J,) stiffness of the hinges' springs.
+        control: Step, drag and tension.
+        time_s: Simulated time, s.
+    """
+
+    reduced: ReducedState
+    modules: ModuleStates
+    stiffness: Array
+    control: Controlled
+    time_s: float
+
+
+class WindowSteps(NamedTuple):
+    """States of a window before each of N steps.
+
+    Attributes:
+        time_s: (N,) simulated times, s.
+        angles: (N, J) hinge angles, rad.
+        centres: (N, m, 3) centres of the modules, pitches.
+        along: (N, 3) unit vectors of the tail.
+    """
+
+    time_s: Array
+    angles: Array
+    centres: Array
+    along: Array
+
+    @classmethod
+    def empty(cls, steps: int, hinges: int, modules: int) -> WindowSteps:
+        """Return arrays for a number of steps."""
+        return cls(
+            np.empty(steps),
+            np.empty((steps, hinges)),
+            np.empty((steps, modules, 3)),
+            np.empty((steps, 3)),
+        )
+
+
+MOVED, TOO_DEEP, NOT_FINITE = range(3)
+"""How a step ended: it moved on, its contacts were too deep, or its numbers were not finite."""
+
+
+class StepsDone(NamedTuple):
+    """End of some steps.
+
+    Attributes:
+        control: Step, drag and tension after them.
+        time_s: Simulated time, s.
+        made: Number of steps that were made, with the last one.
+        outcome: How the last one ended: ``MOVED``, ``TOO_DEEP`` or ``NOT_FINITE``.
+    """
+
+    control: Controlled
+    time_s: float
+    made: int
+    outcome: int
 
 
 EQUATIONS = 6

@@ -1,32 +1,6 @@
-// Forces on the active window of a chain that is peeled, and its step limit.
-#include "folded_core.hpp"
-#include "module_bindings.hpp"
-#include "pairs_bindings.hpp"
+#include "window_forces.hpp"
 
 namespace foldback {
-
-// Allowed displacements in one step.
-struct StepLimits {
-  double joint_rad;      // turn of a hinge
-  double body;           // displacement of a module, in pitches
-  double tail_turn_rad;  // turn of the tail
-  PairLimits pair;       // displacements of two modules relative to each other
-};
-static auto fields(StepLimits &l) { return std::tie(l.joint_rad, l.body, l.tail_turn_rad, l.pair); }
-
-// Strengths and directions of the forces on a window's m modules.
-struct WindowLoads {
-  View<const double, 1> weights;  // (m,) relative radial gains of the modules
-  View<const double, 1> source;   // (3,) point from which the radial forces diverge
-  View<const double, 1> heading;  // (3,) unit vector of the pull on the last module
-  double cutoff;                  // distance in pitches beyond which modules and cells do not repel
-  double gain;                    // γ of the paper's equation 3
-  double tension;                 // largest sum of radial forces beyond a joint
-  double pull;                    // force along the heading
-};
-static auto fields(WindowLoads &l) {
-  return std::tie(l.weights, l.source, l.heading, l.cutoff, l.gain, l.tension, l.pull);
-}
 
 namespace {
 
@@ -132,7 +106,15 @@ double tail_speed(const ModuleStates &modules, const CoreCells &core, Index tail
   return fastest;
 }
 
-// 1/Δt_max in 1/s of window and tail: the largest ratio of speed to displacement limit.
+}  // namespace
+
+void write_window_forces(View<const double, 2> positions, const WindowLoads &loads,
+                         const CoreCells &core, View<double, 2> out) {
+  write_radial_forces(positions, loads, out);
+  for (int r = 0; r < 3; ++r) out(out.size() - 1, r) += loads.pull * loads.heading[r];
+  add_repulsion(positions, loads, core, out);
+}
+
 double window_step_limit(View<const double, 1> qd, const ModuleStates &modules,
                          const CoreCells &core, Index tail, double cutoff,
                          const StepLimits &limits) {
@@ -155,27 +137,8 @@ double window_step_limit(View<const double, 1> qd, const ModuleStates &modules,
                    std::sqrt(dot(omega, omega)) / limits.tail_turn_rad});
 }
 
-}  // namespace
-
 void bind_window_forces(nanobind::module_ &m) {
   namespace nb = nanobind;
-  m.def(
-      "window_forces",
-      [](View<const double, 2> positions, WindowLoads loads, CoreCells core) {
-        const Index count = positions.size();
-        require(count > 0 && positions.axis(1) == 3, "positions: (m, 3)");
-        require(loads.weights.size() == count, "loads.weights: (m,)");
-        require(loads.source.size() == 3 && loads.heading.size() == 3, "loads: (3,) vectors");
-        require_core(core);
-        std::vector<double> forces(3 * count);
-        View<double, 2> out(forces.data(), {count, 3});
-        write_radial_forces(positions, loads, out);
-        for (int r = 0; r < 3; ++r) out(count - 1, r) += loads.pull * loads.heading[r];
-        add_repulsion(positions, loads, core, out);
-        return owned_array(std::move(forces), {count, 3});
-      },
-      nb::arg("positions"), nb::arg("loads"), nb::arg("core"),
-      "Return (m, 3) forces: radial ones (eq. 1 of the paper), the pull, and repulsion (eq. 3).");
   m.def(
       "window_inverse_step_limit",
       [](View<const double, 1> qd, ModuleStates modules, CoreCells core, Index tail, double cutoff,

@@ -14,8 +14,9 @@ import numpy as np
 
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
-from foldback.planner.core import box_cover, write_wxyzs
-from foldback.planner.simulation.engine import DetectedContacts
+from foldback.planner.core import box_cover, write_free_bodies
+from foldback.planner.core.structures import DetectedContacts, FreeBodies, PairContacts
+from foldback.planner.simulation.engine import detected_contacts, found_contacts
 from foldback.planner.simulation.lazy_mujoco import mujoco
 from foldback.planner.simulation.mujoco_models import (
     MIN_LIMITED_MEMORY_MODULES,
@@ -55,6 +56,7 @@ class ContactFinder:
         twin.data = mujoco.MjData(twin.model)
         twin._of_geom = self._of_geom.copy()
         twin.data.qpos[:] = self.data.qpos
+        twin.bodies = self.bodies._replace(qpos=twin.data.qpos)
         return twin
 
     @property
@@ -65,10 +67,6 @@ class ContactFinder:
     def set_boxes(self, centres: Array, halves: Array) -> None:
         """Set the (B, 3) centres and half sides of boxes along the axes of the world, pitches."""
         self._centres, self._halves = centres, halves
-
-    def set_contact_time_constant(self, seconds: float) -> None:
-        """Set the time constant of all contacts, ``solref[0]``, s."""
-        self.model.geom_solref[:, 0] = seconds
 
     def allocate(self, modules: int, tail: int = 0, *, boxed: int = 0) -> None:
         """Allocate the model for a number of modules, the boxes that are set, and a tail.
@@ -149,7 +147,8 @@ class ContactFinder:
         touching[-1] = self._tail > 0
         model.body_contype[:] = model.body_conaffinity[:] = touching
         model.geom_contype[:] = model.geom_conaffinity[:] = touching[model.geom_bodyid]
-        self._selected = np.arange(boxed, modules)
+        self.bodies = FreeBodies(self.data.qpos, boxed, self._tail)
+        """Modules and tail in MuJoCo's state."""
         self._of_geom[-1] = modules - 1
 
     def find(self, positions: Array, rotations: Array) -> DetectedContacts | None:
@@ -159,20 +158,18 @@ class ContactFinder:
             positions: (m, 3) centres of the modules in the frame of the boxes, pitches.
             rotations: (m, 3, 3) their orientations in that frame.
         """
-        selected, data = self._selected, self.data
-        first, stop = selected[0], selected[-1] + 1
-        poses = data.qpos.reshape(-1, 7)
-        poses[first:stop, :3] = positions[first:]
-        wxyzs = np.empty((len(selected), 4))
-        write_wxyzs(rotations, selected, wxyzs)
-        poses[first:stop, 3:] = wxyzs
-        if self._tail:
-            along = rotations[-1][:, 0]
-            poses[-1, :3] = positions[-1] + 0.5 * (1.0 + self._tail) * along
-            poses[-1, 3:] = wxyzs[-1]
-        mujoco.mj_kinematics(self.model, data)
-        mujoco.mj_collision(self.model, data)
-        return DetectedContacts.from_mujoco(self.model, data, self._of_geom)
+        write_free_bodies(positions, rotations, self.bodies)
+        self._collide()
+        return detected_contacts(self.model, self.data, self._of_geom)
+
+    def find_placed(self) -> PairContacts | None:
+        """Return the contacts of modules that were placed as ``bodies``; None if there are none."""
+        self._collide()
+        return found_contacts(self.data, self._of_geom)
+
+    def _collide(self) -> None:
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_collision(self.model, self.data)
 
 
 def robot_contacts(chain: Chain, *, geom_size: float, step_s: float) -> ContactFinder:

@@ -8,26 +8,25 @@ MuJoCo finds the contacts, whose forces follow from a system of their own
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
-from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
 from foldback.planner.core import (
-    add_contacts,
-    add_many_contacts,
     chain_poses,
     chain_velocities,
-    unconstrained_accelerations,
+    constrained_accelerations,
 )
 from foldback.planner.core.structures import (
     MAX_DIRECT_CONTACTS,
+    NO_CONTACTS,
     Accelerations,
     ArticulatedBodies,
     ChainModel,
     ContactModel,
+    DetectedContacts,
     Loads,
     Lumps,
     ModuleStates,
@@ -36,11 +35,6 @@ from foldback.planner.core.structures import (
 from foldback.planner.errors import SimulationError
 from foldback.planner.simulation.mujoco_models import Material
 from foldback.planner.simulation.reduced_state import Acceleration, State
-
-LOCKED_ROTOR_INERTIA: Final = 1e12
-"""Rotor inertia, module mass · pitch², of a hinge that its stop holds: so large that the hinge does
-not accelerate. With smaller values hinges move past their stops, with larger ones accelerations
-lose digits."""
 
 
 def build_chain_model(
@@ -70,39 +64,34 @@ def build_chain_model(
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DetectedContacts:
-    """Contacts that MuJoCo has found.
+def found_contacts(data: Any, module_of_geom: Ints) -> PairContacts | None:
+    """Return the contacts of a collision that MuJoCo has just computed; None if there are none.
 
-    Attributes:
-        points: m contact points.
-        model: Stiffness of all of them.
+    Args:
+        data: Data of MuJoCo.
+        module_of_geom: Index of the module that each geom belongs to.
     """
+    if not data.ncon:
+        return None
+    contact = data.contact
+    return PairContacts(
+        module_of_geom[contact.geom],
+        np.ascontiguousarray(contact.frame[:, :3]),
+        np.ascontiguousarray(contact.pos),
+        -contact.dist,
+    )
 
-    points: PairContacts
-    model: ContactModel
 
-    @classmethod
-    def from_mujoco(cls, model: Any, data: Any, module_of_geom: Ints) -> DetectedContacts | None:
-        """Return the contacts of a collision that was just computed; None if there are none.
-
-        Args:
-            model, data: Model and data of MuJoCo.
-            module_of_geom: Index of the module that each geom belongs to.
-        """
-        if not data.ncon:
-            return None
-        contact, solref = data.contact, data.contact.solref[0]
-        time_constant = max(float(solref[0]), 2.0 * model.opt.timestep)
-        return cls(
-            points=PairContacts(
-                module_of_geom[contact.geom],
-                np.ascontiguousarray(contact.frame[:, :3]),
-                np.ascontiguousarray(contact.pos),
-                -contact.dist,
-            ),
-            model=ContactModel(time_constant, float(solref[1]), contact.solimp[0]),
-        )
+def detected_contacts(model: Any, data: Any, module_of_geom: Ints) -> DetectedContacts | None:
+    """Return the contacts of a collision, see ``found_contacts``, with their stiffness."""
+    if (points := found_contacts(data, module_of_geom)) is None:
+        return None
+    solref = data.contact.solref[0]
+    time_constant = max(float(solref[0]), 2.0 * model.opt.timestep)
+    solimp = data.contact.solimp[0]
+    return DetectedContacts(
+        points, ContactModel(time_constant, float(solref[1]), solimp, MAX_DIRECT_CONTACTS)
+    )
 
 
 class Engine:
@@ -159,56 +148,18 @@ class Engine:
         Raises:
             SimulationError: The accelerations are not finite.
         """
-        outwards = np.sign(state.angles) * (np.abs(state.angles) >= self.stop_rad)
-        locked = outwards != 0.0
-        accelerations = self._locked(state, loads, locked, contacts)
-        for _ in range(3 if locked.any() else 0):
-            wrong = ((outwards * accelerations.qdd > 0.0) != locked) & (outwards != 0.0)
-            if not wrong.any():
-                break
-            locked ^= wrong
-            accelerations = self._locked(state, loads, locked, contacts)
-        return _finite(accelerations)
-
-    def unconstrained(self, state: State, loads: Loads) -> Accelerations:
-        """Return accelerations without contacts and stops, see ``constrained``."""
-        return _finite(self._free(state, loads))
-
-    def _locked(
-        self,
-        state: State,
-        loads: Loads,
-        locked: Flags,
-        contacts: DetectedContacts | None,
-    ) -> Accelerations:
-        """Return accelerations under contacts, some hinges locked."""
-        rotor_inertias = np.where(locked, LOCKED_ROTOR_INERTIA, loads.rotor_inertias)
-        accelerations = self._free(state, loads._replace(rotor_inertias=rotor_inertias))
-        if contacts is not None:
-            arguments = (
-                contacts.points,
-                contacts.model,
-                self.chain_model,
-                self.modules,
-                self._aba,
-                accelerations,
-            )
-            is_direct = len(contacts.points.depths) <= MAX_DIRECT_CONTACTS
-            if not is_direct or not add_contacts(*arguments):
-                add_many_contacts(*arguments)
-        return accelerations
-
-    def _free(self, state: State, loads: Loads) -> Accelerations:
         accelerations = Accelerations(np.empty_like(state.angles), np.empty(6))
-        unconstrained_accelerations(
+        if not constrained_accelerations(
             self.chain_model,
-            state.angles,
-            state.rates,
+            state.reduced,
             loads,
             self.modules,
+            NO_CONTACTS if contacts is None else contacts,
+            self.stop_rad,
             self._aba,
             accelerations,
-        )
+        ):
+            raise SimulationError("the accelerations became infinite or undefined.")
         return accelerations
 
     def _compute_kinematics(self, state: State, out: ModuleStates) -> None:
@@ -236,12 +187,6 @@ class Engine:
         )
 
 
-def _finite(accelerations: Accelerations) -> Accelerations:
-    if not np.isfinite(accelerations.qdd).all():
-        raise SimulationError("the accelerations became infinite or undefined.")
-    return accelerations
-
-
 class SpringChain(Engine):
     """Chain whose hinges have springs towards straight and rotor inertias.
 
@@ -256,17 +201,18 @@ class SpringChain(Engine):
         hinges = len(chain.folded_rad)
         self.chain = chain
         self.root = chain_model.root
-        self._rotor_inertias = np.full(hinges, float(material.armature))
-        self._stiffness = np.full(hinges, float(material.stiffness))
-        self._end_torque = np.zeros(3)
+        self.rotor_inertias = np.full(hinges, float(material.armature))
+        """(J,) rotor inertias of the hinges, module mass · pitch²."""
+        self.stiffness = np.full(hinges, float(material.stiffness))
+        """(J,) stiffness of the hinges' springs."""
 
     def set_stiffness(self, stiffness: Array) -> None:
         """Set the stiffness of the springs of (J,) hinges."""
-        self._stiffness = stiffness
+        self.stiffness = stiffness
 
     def set_rotor_inertias(self, inertias: Array) -> None:
         """Set the rotor inertias of (J,) hinges, module mass · pitch²."""
-        self._rotor_inertias = inertias
+        self.rotor_inertias = inertias
 
     def free_accelerations(self, state: State, forces: Array) -> Acceleration:
         """Return the acceleration of a state without contacts, no hinge at its stop.
@@ -280,7 +226,7 @@ class SpringChain(Engine):
         Raises:
             SimulationError: The accelerations are not finite.
         """
-        return _reduced(state, self.unconstrained(state, self._loads(state, forces)), None)
+        return self._contact_accelerations(state, forces, None)
 
     def _contact_accelerations(
         self, state: State, forces: Array, contacts: DetectedContacts | None
@@ -289,8 +235,8 @@ class SpringChain(Engine):
         return _reduced(state, accelerations, contacts)
 
     def _loads(self, state: State, forces: Array) -> Loads:
-        torques = -self._stiffness * state.angles
-        return Loads(torques, self._rotor_inertias, forces, self._end_torque)
+        torques = -self.stiffness * state.angles
+        return Loads(torques, self.rotor_inertias, forces, np.zeros(3))
 
 
 def _reduced(

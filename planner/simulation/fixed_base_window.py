@@ -6,13 +6,11 @@ rigid lump.
 
 from __future__ import annotations
 
-from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.core.structures import Lumps
 from foldback.planner.simulation.contact_finder import ContactFinder
 from foldback.planner.simulation.engine import SpringChain, build_chain_model
 from foldback.planner.simulation.mujoco_models import Material
-from foldback.planner.simulation.reduced_state import Acceleration, State
 
 
 class FixedBaseWindow(SpringChain):
@@ -36,7 +34,6 @@ class FixedBaseWindow(SpringChain):
         rod: int,
         heaviest_rod: int,
     ) -> None:
-        self._finder = finder
         finder.allocate(len(chain), rod, boxed=1)
         lumps = Lumps.none()
         mass = float(min(rod, heaviest_rod))
@@ -47,18 +44,3 @@ class FixedBaseWindow(SpringChain):
             lumps.moments[1] = mass / 6.0, across, across
         model = build_chain_model(chain, root=0, fixed_base=True, lumps=lumps)
         super().__init__(chain, material, model)
-
-    def accelerations(self, state: State, forces: Array, end_torque: Array) -> Acceleration:
-        """Return the acceleration of a state; ``place`` must have been called for it.
-
-        Args:
-            state: The reduced state.
-            forces: (n, 3) forces at the modules' centres, in the world frame.
-            end_torque: (3,) torque on the last module, in the world frame.
-
-        Raises:
-            SimulationError: The accelerations are not finite.
-        """
-        self._end_torque = end_torque
-        contacts = self._finder.find(self.positions, self.rotations)
-        return self._contact_accelerations(state, forces, contacts)

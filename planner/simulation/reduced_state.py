@@ -11,6 +11,7 @@ import numpy as np
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.rotations import matrix_from_wxyz
+from foldback.planner.core.structures import ReducedState
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -43,6 +44,13 @@ class State:
             rotation=rotation.copy(),
             velocity=np.zeros(3),
             spin=np.zeros(3),
+        )
+
+    @property
+    def reduced(self) -> ReducedState:
+        """Arrays of the state, as kernels take them."""
+        return ReducedState(
+            self.angles, self.rates, self.position, self.rotation, self.velocity, self.spin
         )
 
     def copy(self) -> State:

@@ -28,7 +28,6 @@ from foldback.planner.core import (
 from foldback.planner.core.structures import (
     Accelerations,
     Loads,
-    ReducedState,
     RobotBody,
     RobotServos,
     RobotStates,
@@ -199,7 +198,7 @@ class ServoChain:
             hinges, state, target, noise, self._step_s, accelerate
         )
         if not advance(
-            self._reduced,
+            self.state.reduced,
             accelerations,
             self._step_s,
             engine.stop_rad,
@@ -212,13 +211,7 @@ class ServoChain:
     def stop_drifting(self) -> None:
         """Remove the momentum that integration has added since the chain was at rest."""
         engine = self.engine
-        remove_net_momentum(engine.chain_model, self._centre, self._reduced, engine.modules)
-
-    @property
-    def _reduced(self) -> ReducedState:
-        """Arrays of the state, as kernels take them."""
-        s = self.state
-        return ReducedState(s.angles, s.rates, s.position, s.rotation, s.velocity, s.spin)
+        remove_net_momentum(engine.chain_model, self._centre, self.state.reduced, engine.modules)
 
 
 class Robot(ServoChain):
@@ -347,7 +340,7 @@ class Robot(ServoChain):
             self.body,
             ServoTargets(*(targets[k:] for targets in self._targets)),
             self._noise[k:],
-            self._reduced,
+            self.state.reduced,
             self.engine.modules,
             RobotStates(*(states[k + 1 :] for states in self._states)),
         )

@@ -21,7 +21,7 @@ from foldback.planner.chain.chain import Chain
 from foldback.planner.core import least_separation, write_root_velocities, write_state
 from foldback.planner.core.structures import ModuleStates, SegmentLayout
 from foldback.planner.errors import SimulationError
-from foldback.planner.simulation.engine import DetectedContacts, SpringChain, build_chain_model
+from foldback.planner.simulation.engine import SpringChain, build_chain_model, detected_contacts
 from foldback.planner.simulation.lazy_mujoco import mujoco
 from foldback.planner.simulation.mujoco_models import (
     SEGMENT_MODULES,
@@ -182,7 +182,7 @@ class Segments(SpringChain):
         self._write(state)
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_collision(self.model, data)
-        contacts = DetectedContacts.from_mujoco(self.model, data, self._module_of_geom)
+        contacts = detected_contacts(self.model, data, self._module_of_geom)
         return self._contact_accelerations(state, forces, contacts)
 
     def _add_bias_to_contacts(self, state: State) -> None:

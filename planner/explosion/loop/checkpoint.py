@@ -85,7 +85,12 @@ class Pulses:
     @property
     def is_weak(self) -> bool:
         """True if the next step has weak tension and strong repulsion."""
-        return self.remaining_steps > PULSE_STEPS[1] - PULSE_STEPS[0]
+        return self.weak_steps > 0
+
+    @property
+    def weak_steps(self) -> int:
+        """Number of the next steps that have weak tension and strong repulsion."""
+        return max(0, self.remaining_steps - (PULSE_STEPS[1] - PULSE_STEPS[0]))
 
     @property
     def are_used_up(self) -> bool:
@@ -97,9 +102,9 @@ class Pulses:
         """Pulses as a limit that has ended a run."""
         return Spent("pushes", self.max_count, self.count)
 
-    def advance(self) -> None:
-        """Count one step of the present pulse."""
-        self.remaining_steps = max(0, self.remaining_steps - 1)
+    def advance(self, steps: int = 1) -> None:
+        """Count steps of the present pulse."""
+        self.remaining_steps = max(0, self.remaining_steps - steps)
 
     def weaken(self) -> None:
         """Begin with the weak part of a pulse."""

@@ -1,10 +1,10 @@
 """The loop of an explosion: the paper's *record* (Figure 2), of parts that a strategy chooses.
 
 A ``World`` is what moves: the whole chain, rigid blocks of it, or a window. It computes its own
-forces. ``StepControl`` adapts step, drag and tension, ``Checkpoint`` is the state to restart from,
-``Pulses`` loosen jams, and the ``Recorder`` chooses the snapshots. An ``Explosion`` holds them all
-and decides when to commit, what to do about a jam, and when the run ends: see ``simultaneous``,
-``peeling.run`` and ``published_explosion``.
+forces; a window makes several steps at a time. ``StepControl`` adapts step, drag and tension,
+``Checkpoint`` is the state to restart from, ``Pulses`` loosen jams, and the ``Recorder`` chooses
+the snapshots. An ``Explosion`` holds them all and decides when to commit, what to do about a jam,
+and when the run ends: see ``simultaneous``, ``peeling.run`` and ``published_explosion``.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ unfolding: 1 exempts direct neighbours along the chain, as eq. 3 of the publishe
 
 S = TypeVar("S")
 S_co = TypeVar("S_co", covariant=True)
-W = TypeVar("W")
+W = TypeVar("W", bound="World[Any]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ STRAIGHT: Final = End("straight")
 
 
 class World(Protocol[S_co]):
-    """State of an explosion, and the forces on it.
+    """State of an explosion.
 
     Attributes:
         state: Reduced state that is integrated.
@@ -79,6 +79,14 @@ class World(Protocol[S_co]):
     def snapshot(self) -> S_co:
         """Return a copy of the present state, whose poses have been computed."""
         ...
+
+    def unfolded(self) -> float:
+        """Return the progress: 0 when folded, 1 when straight."""
+        ...
+
+
+class SteppedWorld(World[S_co], Protocol[S_co]):
+    """State of an explosion that makes one step at a time, and the forces on it."""
 
     def accelerations(self, control: StepControl) -> Acceleration:
         """Apply the forces to the placed state and return its acceleration.
@@ -97,10 +105,6 @@ class World(Protocol[S_co]):
 
     def limit_hinges(self) -> None:
         """Leave no hinge beyond its stop."""
-
-    def unfolded(self) -> float:
-        """Return the progress: 0 when folded, 1 when straight."""
-        ...
 
 
 class Watch:
@@ -203,6 +207,15 @@ class Explosion(ABC, Generic[W, S]):
     def close(self, end: End) -> None:
         """Make all steps final."""
 
+    def go_on(self) -> End | None:
+        """Make a step, and return how the run ends after it, or None.
+
+        Raises:
+            SimulationError: When the numbers are bad and the run may not restart.
+        """
+        self.world.place()
+        return self.record() or self.check_step(moved=step(self))
+
 
 def run(explosion: Explosion[Any, Any], strategy: str) -> Record:
     """Record an explosion: step until the chain is straight, or a limit ends the run.
@@ -216,8 +229,7 @@ def run(explosion: Explosion[Any, Any], strategy: str) -> Record:
     explosion.begin()
     try:
         while end is None and control.steps < max_steps:
-            explosion.world.place()
-            end = explosion.record() or explosion.check_step(moved=step(explosion))
+            end = explosion.go_on()
     except SimulationError as error:
         reason = Reason.of(Code.SIMULATION_FAILED, detail=str(error))
         end = End("diverged", reason, explosion.error_limit)
@@ -240,7 +252,7 @@ def run(explosion: Explosion[Any, Any], strategy: str) -> Record:
 
 def step(explosion: Explosion[Any, Any]) -> bool:
     """Make one step from a placed state; return False if the run restarted instead."""
-    world: World[Any] = explosion.world
+    world: SteppedWorld[Any] = explosion.world
     control = explosion.control
     control.steps += 1
     try:

@@ -7,6 +7,8 @@ from typing import Final
 
 import numpy as np
 
+from foldback.planner.core import adapt_tension, limit_speeds
+from foldback.planner.core.structures import Controlled, ControlLimits
 from foldback.planner.parameters.explosion import ExplosionParameters, PeelingParameters
 from foldback.planner.simulation.reduced_state import State
 
@@ -109,17 +111,43 @@ class StepControl:
         """True if no contact is deep enough to lower the tension."""
         return self.depth < self.allowed.back_off
 
+    @property
+    def limits(self) -> ControlLimits:
+        """Limits, as kernels take them."""
+        return ControlLimits(
+            *self.step_range_s,
+            *self.drag_range,
+            self.max_step_in_contact_s,
+            WEAK_TENSION_SCALE,
+            self.allowed.limit,
+            self.allowed.back_off,
+        )
+
+    @property
+    def controlled(self) -> Controlled:
+        """Numbers that adapt, as kernels take and return them."""
+        return Controlled(
+            self.step_s, self.drag, self.tension, self.depth, self.contacts, self.steps
+        )
+
+    def go_on_with(self, controlled: Controlled) -> None:
+        """Take over the numbers that have adapted."""
+        (
+            self.step_s,
+            self.drag,
+            self.tension,
+            self.depth,
+            self.contacts,
+            self.steps,
+        ) = controlled
+
     def is_too_deep(self, depth: float) -> bool:
         """Return True if contacts are deeper than allowed and than in the step before."""
         return depth > self.allowed.limit and depth > self.depth
 
     def adapt_tension(self, depth: float) -> None:
         """Adapt the tension to the depth of contacts, pitches."""
-        self.depth = depth
-        if depth > self.allowed.back_off:
-            self.tension = max(WEAK_TENSION_SCALE, 0.85 * self.tension)
-        else:
-            self.tension = min(1.0, 1.02 * self.tension)
+        self.go_on_with(adapt_tension(self.controlled, self.limits, depth))
 
     def limit_speeds(self, state: State, inverse_step_limit: float, contacts: int) -> None:
         """Scale all velocities to what one step allows; adapt time step and drag.
@@ -129,18 +157,9 @@ class StepControl:
             inverse_step_limit: 1/Δt_max, 1/s: the step is allowed while its product is at most 1.
             contacts: Number of contacts.
         """
-        self.contacts = contacts
-        excess = self.step_s * inverse_step_limit
-        low_s, high_s = self.step_range_s
-        if excess > 1.0:
-            state.scale_velocities(1.0 / excess)
-            self.drag = min(self.drag_range[1], 1.05 * self.drag)
-            self.step_s = max(low_s, 0.97 * self.step_s)
-        else:
-            self.drag = max(self.drag_range[0], 0.97 * self.drag)
-            self.step_s = min(high_s, 1.03 * self.step_s)
-        if contacts:
-            self.step_s = min(self.step_s, self.max_step_in_contact_s)
+        controlled, scale = limit_speeds(self.controlled, self.limits, inverse_step_limit, contacts)
+        state.scale_velocities(scale)
+        self.go_on_with(controlled)
 
     def restart(self) -> None:
         """Go on from a checkpoint with a smaller step and less tension."""

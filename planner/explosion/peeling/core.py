@@ -11,6 +11,7 @@ from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import forward_kinematics
 from foldback.planner.chain.table_projection import TableProjection
 from foldback.planner.core import box_cover, distances_at
+from foldback.planner.core.structures import CoreField
 from foldback.planner.errors import InputError
 
 FIELD_PADDING_CELLS: Final = 6
@@ -72,21 +73,19 @@ class Core:
         cells = self.cells[: last + 1]
         return np.stack([cells.min(axis=0), cells.max(axis=0)]).astype(np.int64)
 
-    def distances(self, last: int) -> Array:
+    def distances(self, last: int) -> CoreField:
         """Return the distance of each cell of the padded grid to the nearest folded one."""
         from scipy.ndimage import distance_transform_edt  # late: it takes a while
 
         solid = np.pad((self.grid >= 0) & (self.grid <= last), FIELD_PADDING_CELLS)
-        return np.asarray(distance_transform_edt(~solid), dtype=np.float64)
+        return CoreField(
+            np.asarray(distance_transform_edt(~solid), dtype=np.float64),
+            (self.low - FIELD_PADDING_CELLS).astype(np.float64),
+        )
 
-    def distance_at(self, field: Array, points: Array) -> Array:
-        """Return rough (...,) distances of (..., 3) points to the core, outside the field too."""
-        distances = np.empty(points.shape[:-1])
-        low = (self.low - FIELD_PADDING_CELLS).astype(np.float64)
-        distances_at(field, low, points.reshape(-1, 3), distances.reshape(-1))
-        return distances
-
-    def exit_direction(self, field: Array, start: Array, last: int, before: Array | None) -> Array:
+    def exit_direction(
+        self, field: CoreField, start: Array, last: int, before: Array | None
+    ) -> Array:
         """Return the (3,) unit vector of the free ray from a point that is nearest to radial.
 
         Args:
@@ -102,7 +101,7 @@ class Core:
         reach = float(np.linalg.norm(np.array(self.grid.shape))) + FIELD_PADDING_CELLS
         along = np.arange(1.0, reach, 0.5)
         points = start + rays[:, None, :] * along[None, :, None]
-        distance = self.distance_at(field, points)
+        distance = distance_at(field, points)
         min_distances = np.minimum(2.0, 0.7 + 0.5 * along)
         lack = np.maximum(min_distances - distance, 0.0).max(axis=1)
         score = rays @ radial - 3.0 * lack
@@ -140,7 +139,9 @@ class CoreOnTable:
             np.concatenate([halves, [table]]),
         )
 
-    def exit_direction(self, field: Array, start: Array, last: int, before: Array | None) -> Array:
+    def exit_direction(
+        self, field: CoreField, start: Array, last: int, before: Array | None
+    ) -> Array:
         """Return the (3,) unit vector along the table, clear of the core.
 
         Args:
@@ -168,6 +169,13 @@ class CoreOnTable:
             - 3.0 * lack
         )
         return np.asarray(rays[int(np.argmax(score))])
+
+
+def distance_at(field: CoreField, points: Array) -> Array:
+    """Return rough (...,) distances of (..., 3) points to the core, outside the field too."""
+    distances = np.empty(points.shape[:-1])
+    distances_at(*field, points.reshape(-1, 3), distances.reshape(-1))
+    return distances
 
 
 def _directions() -> Array:

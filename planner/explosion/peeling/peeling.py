@@ -13,14 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
-from foldback.planner.core import window_forces
-from foldback.planner.core.structures import WindowLoads
+from foldback.planner.core import floating_peel_steps, window_stiffness
+from foldback.planner.core.structures import FloatingDrive, StepsDone, WindowBody
 from foldback.planner.explosion.loop.checkpoint import (
     MAX_STALLED_PULSES,
     BendDecrease,
@@ -42,13 +42,20 @@ from foldback.planner.explosion.loop.step_control import (
 )
 from foldback.planner.explosion.peeling.core import Core, CoreOnTable
 from foldback.planner.explosion.peeling.recorder import Proof, WindowRule
-from foldback.planner.explosion.peeling.run import SAME_HEADING_COSINE, Peeling, PeelingRules
+from foldback.planner.explosion.peeling.run import (
+    CHECK_STEPS,
+    SAME_HEADING_COSINE,
+    Peeling,
+    PeelingRules,
+)
 from foldback.planner.explosion.peeling.window import (
+    Heading,
     Peelable,
     ReleasePoint,
     Window,
     WindowConfiguration,
     WindowForces,
+    WindowRun,
     WindowSetting,
 )
 from foldback.planner.motion.motion import Motion
@@ -57,6 +64,10 @@ from foldback.planner.parameters.explosion import PeelingParameters
 from foldback.planner.progress import Cancelled, Report, never, silent
 from foldback.planner.simulation.contact_finder import ContactFinder
 from foldback.planner.simulation.mujoco_models import Material
+
+STIFFNESS_STEPS: Final = 5
+"""Number of simulation steps for which the springs of a floating window keep their stiffness, which
+follows from the distances of the modules from the core."""
 
 
 def peel(
@@ -176,36 +187,44 @@ class FloatingForces:
     parameters: PeelingParameters
     weights: Array
     pulses: Pulses
-    stiffness_period: ClassVar[int] = 5
+    max_steps: ClassVar[int] = CHECK_STEPS
 
-    def forces(self, window: Window, control: StepControl) -> Array:
-        """Return (m, 3) forces on the modules of a placed window, and go on with the pulse."""
-        p, aim = self.parameters, window.heading.aim
-        weak = self.pulses.is_weak
-        self.pulses.advance()
-        scale = p.spring * control.tension * (WEAK_TENSION_SCALE if weak else 1.0)
-        loads = WindowLoads(
-            weights=self.weights[window.first : window.first + window.modules],
-            source=window.heading.centre - 2.0 * aim,
-            heading=aim,
-            cutoff=p.repulsion_cutoff,
-            gain=p.repulsion_gain * (PULSE_REPULSION_SCALE if weak else 1.0),
-            tension=p.tension * scale,
-            pull=p.pull * scale,
-        )
-        return window_forces(window.model.positions, loads, window.held.cells)
-
-    def end_torque(self, window: Window) -> Array:
-        """Return the (3,) torque on the last module that turns the rod to its direction."""
-        p = self.parameters
-        return p.alignment * p.spring * crossed(window.rod_direction, window.heading.aim)
+    def make_steps(self, window: Window, body: WindowBody, run: WindowRun) -> StepsDone:
+        """Make steps of a window, and go on with the pulse and the turn of the heading."""
+        heading = window.heading
+        aims = heading.aims(len(run.steps.time_s), self.parameters.turn_rad)
+        done = floating_peel_steps(body, self._drive(window, aims), run.state, run.find, run.steps)
+        self.pulses.advance(done.made)
+        aim = aims[min(done.made, len(aims)) - 1]
+        window.heading = Heading(aim, heading.target, heading.centre)
+        return done
 
     def stiffness(self, window: Window) -> Array:
         """Return the (H,) stiffness of the springs, which grows with the distance from the core."""
+        stiffness = np.empty_like(window.state.angles)
+        drive = self._drive(window, [window.heading.aim])
+        window_stiffness(window.model.positions, drive, stiffness)
+        return stiffness
+
+    def _drive(self, window: Window, aims: list[Array]) -> FloatingDrive:
+        """Return strengths and directions of the forces, as kernels take them."""
         p = self.parameters
-        share = np.clip((window.heights(window.model.positions)[1:-1] - 2.0) / 6.0, 0.0, 1.0)
-        stiffness = p.spring * (1.0 + (p.stiffening - 1.0) * share)
-        return np.repeat(stiffness, window.setting.peelable.hinges)
+        return FloatingDrive(
+            weights=self.weights[window.first : window.first + window.modules],
+            centre=window.heading.centre,
+            aims=np.array(aims),
+            field=window.held.field,
+            spring=p.spring,
+            stiffening=p.stiffening,
+            gain=p.repulsion_gain,
+            tension=p.tension,
+            pull=p.pull,
+            alignment=p.alignment,
+            weak_gain=PULSE_REPULSION_SCALE,
+            weak_tension=WEAK_TENSION_SCALE,
+            weak_steps=self.pulses.weak_steps,
+            stiffness_period=STIFFNESS_STEPS,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,10 +292,3 @@ class FloatingRules:
 
     def end(self, window: Window) -> None:
         """Return None: there is no limit of the forces."""
-
-
-def crossed(a: Array, b: Array) -> Array:
-    """Return the (3,) cross product; NumPy's takes many times as long for two vectors."""
-    return np.array(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    )

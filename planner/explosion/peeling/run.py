@@ -9,6 +9,8 @@ from typing import ClassVar, Final, Protocol
 import numpy as np
 
 from foldback.planner.arrays import Array
+from foldback.planner.core.structures import MOVED, NOT_FINITE
+from foldback.planner.errors import SimulationError
 from foldback.planner.explosion.loop.checkpoint import (
     MAX_CHECKPOINT_RETRIES,
     MAX_STALLED_PULSES,
@@ -34,6 +36,9 @@ from foldback.planner.reasons import ReasonCode as Code
 MIN_RETIRED_JOINTS: Final = 6
 """Minimum number of straight joints that become part of the rigid tail at a time, as the model is
 rebuilt each time."""
+CHECK_STEPS: Final = 5
+"""Number of simulation steps after which a run may release a unit. All other checks come after
+multiples of it, so that so many steps are made at a time."""
 SAME_HEADING_COSINE: Final = 0.9
 """Minimum cosine of the angle by which the rigid tail turns if nearly straight joints become part
 of it; with a larger angle they stay simulated."""
@@ -122,8 +127,33 @@ class Peeling(Explosion[Window, WindowConfiguration]):
         self.refusal = self.recorder.commit()
 
     def record(self) -> None:
-        """Record the present state; step in any case."""
+        """Record the present state."""
         self.recorder.add(self.world.snapshot())
+
+    def go_on(self) -> End | None:
+        """Make steps up to the next check, and return how the run ends there, or None."""
+        return self.check_step(moved=self.make_steps())
+
+    def make_steps(self) -> bool:
+        """Make steps up to the next check; return False if the run restarted instead.
+
+        Raises:
+            SimulationError: When the numbers are bad and the run may not restart.
+        """
+        control, forces = self.control, self.world.setting.forces
+        count = min(
+            forces.max_steps,
+            CHECK_STEPS - control.steps % CHECK_STEPS,
+            self.max_steps - control.steps,
+        )
+        configurations, outcome = self.world.make_steps(control, count)
+        for configuration in configurations:
+            self.recorder.add(configuration)
+        if outcome == NOT_FINITE and not self.may_restart(after_error=True):
+            raise SimulationError("the accelerations became infinite or undefined.")
+        if outcome != MOVED:
+            self.restart()
+        return outcome == MOVED
 
     def close(self, end: End) -> None:
         """Make all steps final."""
@@ -159,7 +189,7 @@ class Peeling(Explosion[Window, WindowConfiguration]):
             return end
         if steps % 20 == 0 and control.is_shallow:
             self.retire()
-        if window.first and steps % 5 == 0 and self.rules.is_ready(window, self.control):
+        if window.first and steps % CHECK_STEPS == 0 and self.rules.is_ready(window, self.control):
             self.release()
         if not window.first and steps % 25 == 0 and self.finish():
             return STRAIGHT

@@ -6,6 +6,7 @@ on its last module. A release widens the window, a retirement shortens it; both 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, Final, Protocol
 
@@ -13,19 +14,35 @@ import numpy as np
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
-from foldback.planner.core import FIXED, chain_poses, window_inverse_step_limit
-from foldback.planner.core.structures import CoreCells, PairLimits, StepLimits
-from foldback.planner.explosion.loop.step_control import StepControl
-from foldback.planner.explosion.peeling.core import Core, CoreOnTable
+from foldback.planner.core import FIXED, chain_poses
+from foldback.planner.core.structures import (
+    ContactModel,
+    CoreCells,
+    CoreField,
+    PairContacts,
+    PairLimits,
+    StepLimits,
+    StepsDone,
+    WindowBody,
+    WindowState,
+    WindowSteps,
+)
+from foldback.planner.explosion.loop.step_control import (
+    MIN_CONTACT_TIME_CONSTANT_S,
+    StepControl,
+)
+from foldback.planner.explosion.peeling.core import Core, CoreOnTable, distance_at
 from foldback.planner.parameters.explosion import PeelingParameters
 from foldback.planner.simulation.contact_finder import ContactFinder
 from foldback.planner.simulation.fixed_base_window import FixedBaseWindow
-from foldback.planner.simulation.mujoco_models import Material
-from foldback.planner.simulation.reduced_state import Acceleration, State
+from foldback.planner.simulation.mujoco_models import SOLIMP, Material
+from foldback.planner.simulation.reduced_state import State
 
 MIN_LAST_UNIT_MODULES: Final = 6
 """Minimum number of modules of the last group that is released from the folded core; if fewer would
 remain, they are released together with the group before."""
+CONTACT_MODEL: Final = ContactModel(MIN_CONTACT_TIME_CONSTANT_S, 1.0, np.array(SOLIMP))
+"""Stiffness of contacts in a peeling; their time constant is that of the smallest steps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -123,6 +140,13 @@ class Heading:
     target: Array
     centre: Array
 
+    def aims(self, count: int, turn_rad: float) -> list[Array]:
+        """Return the (3,) directions in the next steps, up to the one that stays."""
+        aims: list[Array] = []
+        while len(aims) < count and (not aims or aims[-1] is not self.target):
+            aims.append(rotate_towards(aims[-1] if aims else self.aim, self.target, turn_rad))
+        return aims
+
 
 @dataclass(frozen=True, slots=True)
 class Held:
@@ -136,21 +160,17 @@ class Held:
 
     unit: int
     cells: CoreCells
-    field: Array
+    field: CoreField
 
 
 class WindowForces(Protocol):
     """Forces on a window, of the place where it is peeled: afloat or on a table."""
 
-    stiffness_period: ClassVar[int]
-    """Number of steps for which the springs keep their stiffness."""
+    max_steps: ClassVar[int]
+    """Maximum number of steps that are made at a time."""
 
-    def forces(self, window: Window, control: StepControl) -> Array:
-        """Return (m, 3) forces on the modules of a placed window."""
-        ...
-
-    def end_torque(self, window: Window) -> Array:
-        """Return the (3,) torque on the last module, which turns the rod."""
+    def make_steps(self, window: Window, body: WindowBody, run: WindowRun) -> StepsDone:
+        """Make steps of a window under these forces."""
         ...
 
     def stiffness(self, window: Window) -> Array:
@@ -251,6 +271,23 @@ class ReleasePoint:
     time_s: float
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class WindowRun:
+    """Some steps of a window.
+
+    Attributes:
+        state: State, which the steps change.
+        control: Step, drag and tension.
+        find: Returns the contacts of modules that were placed.
+        steps: States before each step; written.
+    """
+
+    state: WindowState
+    control: StepControl
+    find: Callable[[], PairContacts | None]
+    steps: WindowSteps
+
+
 class Window:
     """World of a window, which begins with the chain's last unit.
 
@@ -305,7 +342,7 @@ class Window:
 
     def heights(self, points: Array) -> Array:
         """Return rough (...,) distances of (..., 3) points to the core, pitches."""
-        return self.setting.peelable.core.distance_at(self.held.field, points)
+        return distance_at(self.held.field, points)
 
     def place(self) -> None:
         """Compute the poses of the present state."""
@@ -332,40 +369,56 @@ class Window:
             along=rotations[-1][:, 0],
         )
 
-    def accelerations(self, control: StepControl) -> Acceleration:
-        """Return the acceleration of the placed state under all forces."""
-        setting, forces = self.setting, self.setting.forces
-        setting.finder.set_contact_time_constant(control.contact_time_constant_s)
-        heading = self.heading
-        aim = rotate_towards(heading.aim, heading.target, setting.parameters.turn_rad)
-        self.heading = Heading(aim, heading.target, heading.centre)
-        loads = forces.forces(self, control)
-        if control.steps % forces.stiffness_period == 0:
-            self.model.set_stiffness(forces.stiffness(self))
-        return self.model.accelerations(self.state, loads, forces.end_torque(self))
+    def make_steps(self, control: StepControl, count: int) -> tuple[list[WindowConfiguration], int]:
+        """Make steps until one is not finite or its contacts are too deep.
 
-    def inverse_step_limit(self) -> float:
-        """Return 1/Δt_max, 1/s, of hinges, modules near each other, and the rod."""
-        p, state, model = self.setting.parameters, self.state, self.model
-        model.place_velocities(state)
-        loose = bool(np.abs(state.angles).max() < p.loose_rad)
-        return window_inverse_step_limit(
-            state.rates,
-            model.modules,
+        Args:
+            control: Step, drag and tension; they adapt.
+            count: Maximum number of steps.
+
+        Returns:
+            The states before each step, and how the last step ended: ``MOVED``, ``TOO_DEEP`` or
+            ``NOT_FINITE``.
+        """
+        setting, model, state = self.setting, self.model, self.state
+        steps = WindowSteps.empty(count, len(state.angles), self.modules)
+        window_state = WindowState(
+            state.reduced, model.modules, model.stiffness, control.controlled, self.time_s
+        )
+        run = WindowRun(window_state, control, setting.finder.find_placed, steps)
+        done = setting.forces.make_steps(self, self._body(control), run)
+        self.time_s = done.time_s
+        control.go_on_with(done.control)
+        configurations = [
+            WindowConfiguration(
+                time_s=time_s, first=self.first, angles=angles, centres=centres, along=along
+            )
+            for time_s, angles, centres, along in zip(
+                steps.time_s[: done.made].tolist(),
+                steps.angles,
+                steps.centres,
+                steps.along,
+                strict=False,
+            )
+        ]
+        return configurations, done.outcome
+
+    def _body(self, control: StepControl) -> WindowBody:
+        """Return the window as kernels take it."""
+        p, model = self.setting.parameters, self.model
+        return WindowBody(
+            model.chain_model,
+            model.rotor_inertias,
+            model.stop_rad,
             self.held.cells,
             self.rod_modules,
+            self.setting.finder.bodies,
+            CONTACT_MODEL,
             p.repulsion_cutoff,
-            self._limits[loose],
+            p.loose_rad,
+            *self._limits,
+            control.limits,
         )
-
-    def advance(self, step_s: float) -> None:
-        """Integrate the configuration."""
-        self.state.advance(step_s)
-
-    def limit_hinges(self) -> None:
-        """Leave no hinge beyond its stop."""
-        setting = self.setting
-        self.state.stop_at(setting.material.stop_of(setting.peelable.chain.module))
 
     def unfolded(self) -> float:
         """Return the progress, 0 to 1, by the bends that remain."""

@@ -9,10 +9,9 @@ import numpy as np
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.table_projection import TableProjection, unwrap_near
-from foldback.planner.core import FIXED
-from foldback.planner.explosion.loop.step_control import StepControl
-from foldback.planner.explosion.peeling.peeling import crossed
-from foldback.planner.explosion.peeling.window import Window
+from foldback.planner.core import FIXED, peel_step
+from foldback.planner.core.structures import GivenDrive, StepsDone, WindowBody
+from foldback.planner.explosion.peeling.window import Heading, Window, WindowRun
 from foldback.planner.parameters.explosion import TableParameters
 
 MAX_TURNING_ERROR_RAD: Final = 0.5 * np.pi
@@ -54,7 +53,7 @@ class TableForces:
         seed: Seed of the draws.
     """
 
-    stiffness_period: ClassVar[int] = 1
+    max_steps: ClassVar[int] = 1
 
     def __init__(
         self, parameters: TableParameters, modules: int, projection: TableProjection, *, seed: int
@@ -91,13 +90,23 @@ class TableForces:
             drawn_at=step,
         )
 
-    def forces(self, window: Window, control: StepControl) -> Array:
-        """Return (m, 3) forces: weights, the pull at the end, and the random ones.
+    def make_steps(self, window: Window, body: WindowBody, run: WindowRun) -> StepsDone:
+        """Make a step of a window, and go on with the turn of the heading."""
+        heading = window.heading
+        (aim,) = heading.aims(1, self._parameters.turn_rad)
+        window.heading = Heading(aim, heading.target, heading.centre)
+        window.place()
+        drive = GivenDrive(self.forces(window, run.control.steps + 1), self._end_torque(window))
+        run.state.stiffness[:] = self.stiffness(window)
+        return peel_step(body, drive, run.state, run.find, run.steps)
+
+    def forces(self, window: Window, step: int) -> Array:
+        """Return (m, 3) forces in a step: weights, the pull at the end, and the random ones.
 
         They end a perturbation whose time is over, and update ``heading_errors``.
         """
         p, drawn_at = self._parameters, self._drive.drawn_at
-        if drawn_at is not None and control.steps > drawn_at + p.drawn_steps + 1:
+        if drawn_at is not None and step > drawn_at + p.drawn_steps + 1:
             self.calm()
         drive, up, count = self._drive, self._projection.up, window.modules
         self.heading_errors = self._heading_errors(window)
@@ -138,7 +147,7 @@ class TableForces:
     def _rod_mass(self, window: Window) -> float:
         return float(min(window.rod_modules, self._parameters.rod_modules))
 
-    def end_torque(self, window: Window) -> Array:
+    def _end_torque(self, window: Window) -> Array:
         """Return the (3,) torque of the rod's weight, and that which turns it on the table."""
         up, along = self._projection.up, window.rod_direction
         flat = along - (along @ up) * up
@@ -152,3 +161,10 @@ class TableForces:
         p = self._parameters
         bends = np.maximum(np.abs(window.state.angles), 1e-3)  # no division by 0
         return p.weight * np.minimum(p.spring_torque, self._drive.spring_torque / bends)
+
+
+def crossed(a: Array, b: Array) -> Array:
+    """Return the (3,) cross product; NumPy's takes many times as long for two vectors."""
+    return np.array(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )

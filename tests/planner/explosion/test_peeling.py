@@ -11,11 +11,12 @@ from foldback.planner.clearance.sweep import sweep
 from foldback.planner.core import window_inverse_step_limit
 from foldback.planner.core.structures import CoreCells, ModuleStates, PairLimits, StepLimits
 from foldback.planner.errors import InputError
-from foldback.planner.explosion.loop.explosion_loop import Watch, return_to_checkpoint, step
+from foldback.planner.explosion.loop.checkpoint import PULSE_STEPS
+from foldback.planner.explosion.loop.explosion_loop import Watch, return_to_checkpoint
+from foldback.planner.explosion.loop.radial_forces import radial_weights
 from foldback.planner.explosion.loop.step_control import ContactDepth
 from foldback.planner.explosion.peeling.peeling import floating_peeling, peel
 from foldback.planner.explosion.peeling.recorder import Proof
-from foldback.planner.explosion.peeling.run import Peeling
 from foldback.planner.explosion.peeling.window import WindowConfiguration
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record
@@ -23,6 +24,7 @@ from foldback.planner.parameters.explosion import PeelingParameters
 from foldback.planner.pathfinding.snake import snake_path
 from foldback.planner.progress import Progress, never, silent
 from tests.planner.chains import chain_of, coil, line
+from tests.planner.explosion import window_reference
 
 DEFAULT = PeelingParameters()
 
@@ -84,21 +86,38 @@ def test_run_continues_from_a_state_with_contacts_that_are_too_deep() -> None:
     before = (window.time_s, window.state.copy())
     while control.depth < 1e-4:
         before = (window.time_s, window.state.copy())
-        make_step(run)
+        run.make_steps()
         assert control.steps < 500
     control.allowed = ContactDepth(limit=0.5 * control.depth, back_off=0.4 * control.depth)
     checkpoint.save(*before)
     return_to_checkpoint(run)
     angles = window.state.angles.copy()
-    make_step(run)
+    run.make_steps()
     assert checkpoint.retries == 1
     assert (window.state.angles != angles).any()
 
 
-def make_step(run: Peeling) -> None:
-    run.world.place()
-    run.record()
-    step(run)
+def test_compiled_steps_are_those_of_plain_numpy() -> None:
+    chain, watch = chain_of(snake_path((4, 4, 4))), Watch(silent, never, "peeling")
+    compiled, plain = (floating_peeling(chain, DEFAULT, watch=watch) for _ in range(2))
+    weights = radial_weights(0, len(chain))
+    contacts = 0
+    for k in range(20):
+        if k == 4:
+            for run in (compiled, plain):
+                run.pulses.remaining_steps = PULSE_STEPS[1] - PULSE_STEPS[0] + 7
+        assert compiled.make_steps()
+        while plain.control.steps < compiled.control.steps:
+            window_reference.step(plain, weights)
+        contacts += plain.control.contacts
+        np.testing.assert_allclose(compiled.world.state.angles, plain.world.state.angles, atol=1e-9)
+        np.testing.assert_allclose(compiled.world.state.rates, plain.world.state.rates, atol=1e-8)
+        np.testing.assert_allclose(compiled.control.controlled, plain.control.controlled, rtol=1e-8)
+        assert compiled.world.time_s == pytest.approx(plain.world.time_s, rel=1e-9)
+        assert compiled.pulses.remaining_steps == plain.pulses.remaining_steps
+        np.testing.assert_array_equal(compiled.world.heading.aim, plain.world.heading.aim)
+    assert compiled.control.steps == 100 and contacts > 0
+    assert len(np.unique(plain.world.model.stiffness)) > 3
 
 
 def test_cancelled_complete_and_refused_peelings() -> None:
