@@ -14,6 +14,9 @@ def main() -> None:
         from foldback.server.ops.stop_signals import end_at_stop_signals
 
         end_at_stop_signals()
+    from foldback.server.cli.resident_client import run_resident
+
+    sys.argv[1:] = run_resident(sys.argv[1:])
     from foldback.server.cli.command_line import main as run
 
     run()

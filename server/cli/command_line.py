@@ -102,8 +102,17 @@ def application() -> typer.Typer:
             bool,
             typer.Option("--version", callback=_version, is_eager=True, help="Show the version."),
         ] = False,
+        resident: Annotated[
+            bool | None,
+            typer.Option(
+                "--resident/--no-resident",
+                help="Run in a process that has imported the planner already, which ends after "
+                "ten idle minutes. By default, that is so in a terminal, on Linux.",
+            ),
+        ] = None,
     ) -> None:
         """Plan how a straight chain of modules folds into a solid."""
+        del resident  # read by resident_client.py, before anything is imported
 
     del foldback
     for name, help_text in COMMANDS.items():
