@@ -554,6 +554,17 @@ def box_cover(grid: Grid, last: int, out: Ints) -> int:
         Number of boxes.
     """
 
+def write_core_distances(grid: Grid, last: int, reach: int, box: Ints, field: Array) -> None:
+    """Write the distances of cells to the core, in a box of a padded grid.
+
+    Args:
+        grid: (X, Y, Z) index of the module in each cell; negative in an empty one.
+        last: Largest index of a module of the core.
+        reach: Distances above it count as this many cells.
+        box: (2, 3) first and last cell of the box, in the padded grid.
+        field: (X + 2 p, Y + 2 p, Z + 2 p) distances of the padded grid; written in the box.
+    """
+
 def distances_at(field: Array, low: Array, points: Array, out: Array) -> None:
     """Write (k,) approximate distances of points to the cells that a distance field is about.
 

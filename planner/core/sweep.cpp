@@ -51,7 +51,8 @@ Sweep::Sweep(const Shape &shape, const Angles &angles, double cutoff, View<const
       rigid_(rigid),
       per_frame_(per_frame),
       ratio_(ratio) {
-  for (auto &row : allowances_) row.resize(shape.modules());
+  if (has_errors())
+    for (auto &row : allowances_) row.resize(shape.modules());
 }
 
 // Write the angles of a frame for the hinges from `start` on, as many as `out` holds.
@@ -102,7 +103,7 @@ void Sweep::move(double middle, double half) {
   move_bodies(view(angles_now_), view(part_.rates), half, part_.joint, part_.root,
               View<Body, 1>(bodies_.data(), {count}));
   for (Index k = 0; k < count; ++k) store(bodies_[k].position, &positions_[3 * k]);
-  if (shape_.tolerance.spare != 0.0) write_allowances();  // else the motion has no errors
+  if (has_errors()) write_allowances();
 }
 
 // Write the corners of a box that all centres but those of the tail stay in.
@@ -149,9 +150,11 @@ void Sweep::append_core_pairs(const Body &body, Index module, double reach) {
   for (Index x = from[0]; x < to[0]; ++x)
     for (Index y = from[1]; y < to[1]; ++y) {
       Index row = (x * shape_.cells[1] + y) * shape_.cells[2];
-      Index end = shape_.starts[row + std::max(from[2], to[2])];
-      for (Index at = shape_.starts[row + from[2]]; at < end; ++at) {
+      Index at = shape_.starts[row + from[2]], end = shape_.starts[row + std::max(from[2], to[2])];
+      require(at >= 0 && end <= shape_.members.size(), "shape.starts: ascending");
+      for (; at < end; ++at) {
         Index i = shape_.members[at];
+        require(i >= 0 && i < shape_.modules(), "shape.members: indices of modules");
         if (i >= below) continue;
         Vector<double> gap = body.position - shape_.folded(i).position;
         if (dot(gap, gap) < reach * reach) pairs_.push_back({i, module});
@@ -195,13 +198,13 @@ bool Sweep::find_stretch_pairs(double half, double reach) {
   double max_displacement = 0.0;
   for (const Body &body : bodies_)
     max_displacement = std::max(max_displacement, body.displacement_bound);
-  const double most = reach + allowances_[0][bodies_.size() - 1];
+  const double most = reach + largest_allowance(0, bodies_.size() - 1);
   if (max_displacement > LARGE_MOTION) return find_pairs_along(max_displacement, half, most);
   View<const double, 2> points(positions_.data(), {static_cast<Index>(bodies_.size()), 3});
   find_near_pairs(points, most + 2.0 * max_displacement, shape_.min_checked_gap, candidates_);
   for (const auto &[i, j] : candidates_) {
     Vector<double> gap = bodies_[j].position - bodies_[i].position;
-    double nearing = reach + allowances_[0][j - i];
+    double nearing = reach + largest_allowance(0, j - i);
     nearing += bodies_[i].displacement_bound + bodies_[j].displacement_bound;
     if (dot(gap, gap) < nearing * nearing) pairs_.push_back({part_.low + i, part_.low + j});
   }
@@ -262,8 +265,8 @@ bool Sweep::find_pairs(double half, double reach) {
   if (too_large || shape_.root >= 0) return too_large;
   for (Index k = 1; k < static_cast<Index>(bodies_.size()); ++k)
     append_core_pairs(bodies_[k], part_.low + k,
-                      reach + allowances_[0][part_.low + k] + bodies_[k].displacement_bound);
-  return append_tail_pairs(half, reach + allowances_[1][shape_.modules() - 1]);
+                      reach + largest_allowance(0, part_.low + k) + bodies_[k].displacement_bound);
+  return append_tail_pairs(half, reach + largest_allowance(1, shape_.modules() - 1));
 }
 
 // Bounds of the levers of a pair over the interval |s| ≤ half (share 1), or the levers at s = 0
@@ -329,7 +332,7 @@ void Sweep::check_pair(const Pair &pair, double half, double target, Check &chec
     approach.distance = length(b.position - a.position);
   const double loss = approach.loss;
   // Lemmas 11 and 12: a bound that costs nothing first.
-  double error = allowances_[j <= part_.high ? 0 : 1][j - i];
+  double error = largest_allowance(j <= part_.high ? 0 : 1, j - i);
   double balls = approach.distance - 2.0 * radius - error;
   if (balls >= check.clearance && balls - loss >= check.lower_bound) return;
   auto [separation, axis] =
@@ -484,13 +487,8 @@ void require_shape(const Shape &shape) {
   require(shape.width > 0.0, "shape.width: positive");
   require(shape.starts.size() == shape.cells[0] * shape.cells[1] * shape.cells[2] + 1,
           "shape.starts: one more than cells");
-  Index before = 0;
-  for (Index start : std::span(shape.starts.begin(), shape.starts.end())) {
-    require(start >= before && start <= shape.members.size(), "shape.starts: ascending");
-    before = start;
-  }
-  for (Index i : std::span(shape.members.begin(), shape.members.end()))
-    require(i >= 0 && i < n, "shape.members: indices of modules");
+  // Values of starts and members are checked where they are used: a sweep of two frames must not
+  // take a time that grows with the number of modules.
   require(shape.tail_positions.shape() == std::array<Index, 2>{n, 3},
           "shape.tail_positions: (n, 3)");
   require(shape.tail_rotations.shape() == std::array<Index, 3>{n, 3, 3},

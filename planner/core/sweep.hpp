@@ -98,6 +98,11 @@ class Sweep {
   void set_stretch(Index frame, Index to);
   void write_angles(Index frame, Index start, std::vector<double> &out) const;
   void move(double middle, double half);
+  // False if the motion must stand no errors; then allowances_ are empty.
+  bool has_errors() const { return shape_.tolerance.spare != 0.0; }
+  double largest_allowance(int row, Index links) const {
+    return has_errors() ? allowances_[row][links] : 0.0;
+  }
   void write_allowances();
   void box_of_others(double *box) const;
   bool find_pairs(double half, double reach);

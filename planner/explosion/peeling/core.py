@@ -10,16 +10,21 @@ from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import forward_kinematics
 from foldback.planner.chain.table_projection import TableProjection
-from foldback.planner.core import box_cover, distances_at
+from foldback.planner.core import box_cover, distances_at, write_core_distances
 from foldback.planner.core.structures import CoreField
 from foldback.planner.errors import InputError
 
 FIELD_PADDING_CELLS: Final = 6
 """Width, in lattice cells, of the margin around the folded core in which the distance field of the
 core is stored; distances are rough outside of it."""
+MAX_FIELD_CELLS: Final = 8
+"""Distance from the core, in lattice cells, above which the distance field does not tell distances
+apart. Springs have their full stiffness there, and rays are free from 2 cells on."""
 RAY_DIRECTIONS: Final = 400
 """Number of directions, evenly spread over the sphere, among which the exit direction of the
 chain's straight tail is chosen."""
+RAYS_AT_ONCE: Final = 16
+"""Number of rays whose distances from the core are computed at once, the most promising first."""
 TABLE_THICKNESS_PITCH: Final = 40.0
 """Thickness of the box that represents the table in contact detection, pitches: so large that
 contacts never push a module out through its bottom, as they might with smaller values."""
@@ -60,6 +65,13 @@ class Core:
         self.grid = np.full(grid_cells.max(axis=0) + 1, -1, dtype=np.int32)
         self.grid[tuple(grid_cells.T)] = np.arange(len(cells), dtype=np.int32)
         self._boxes = np.empty((len(cells), 6), dtype=np.int64)
+        # Of the modules 0 to i, for each i: a long chain asks at every release.
+        self._lowest = np.minimum.accumulate(cells, axis=0)
+        self._highest = np.maximum.accumulate(cells, axis=0)
+        self._sums = np.cumsum(cells, axis=0)
+        padded = np.array(self.grid.shape) + 2 * FIELD_PADDING_CELLS
+        self._distances = np.full(padded, float(MAX_FIELD_CELLS))
+        self._field_last = -1
 
     def boxes(self, last: int) -> tuple[Array, Array]:
         """Return (B, 3) centres and half sides of boxes that hold the modules 0 to ``last``."""
@@ -70,18 +82,27 @@ class Core:
 
     def extent(self, last: int) -> Ints:
         """Return the (2, 3) smallest and largest cell of the modules 0 to ``last``."""
-        cells = self.cells[: last + 1]
-        return np.stack([cells.min(axis=0), cells.max(axis=0)]).astype(np.int64)
+        return np.stack([self._lowest[last], self._highest[last]]).astype(np.int64)
 
     def distances(self, last: int) -> CoreField:
-        """Return the distance of each cell of the padded grid to the nearest folded one."""
-        from scipy.ndimage import distance_transform_edt  # late: it takes a while
+        """Return the distance of each cell of the padded grid to the nearest folded one.
 
-        solid = np.pad((self.grid >= 0) & (self.grid <= last), FIELD_PADDING_CELLS)
-        return CoreField(
-            np.asarray(distance_transform_edt(~solid), dtype=np.float64),
-            (self.low - FIELD_PADDING_CELLS).astype(np.float64),
-        )
+        At most ``MAX_FIELD_CELLS``. The next call writes to the same array, and only near the
+        modules that have joined or left the core.
+
+        Args:
+            last: Last module of the core.
+        """
+        changed = slice(min(last, self._field_last) + 1, max(last, self._field_last) + 1)
+        if changed.start < changed.stop:
+            cells = self.cells[changed].astype(np.int64) - self.low + FIELD_PADDING_CELLS
+            box = np.stack(
+                [cells.min(axis=0) - MAX_FIELD_CELLS, cells.max(axis=0) + MAX_FIELD_CELLS]
+            )
+            box = np.clip(box, 0, np.array(self._distances.shape) - 1)
+            write_core_distances(self.grid, last, MAX_FIELD_CELLS, box, self._distances)
+            self._field_last = last
+        return CoreField(self._distances, (self.low - FIELD_PADDING_CELLS).astype(np.float64))
 
     def exit_direction(
         self, field: CoreField, start: Array, last: int, before: Array | None
@@ -94,20 +115,33 @@ class Core:
             last: Last module of the core.
             before: (3,) ray of the unit before; rays near it are preferred a little.
         """
-        centre = self.cells[: last + 1].mean(axis=0)
+        centre = self._sums[last] / (last + 1)
         radial = start - centre
         radial = radial / max(float(np.linalg.norm(radial)), 1e-9)
-        rays = _directions()
+        rays = ray_directions()
+        outwards = rays @ radial
+        as_before = np.zeros(len(rays)) if before is None else 0.5 * (rays @ before)
+        bounds = outwards + as_before
+        best_score, best = -np.inf, 0
+        # Most of the best rays are free, and no score exceeds its bound.
+        order = np.argsort(-bounds, kind="stable")
+        for some in np.split(order, range(RAYS_AT_ONCE, len(order), RAYS_AT_ONCE)):
+            if bounds[some[0]] < best_score:
+                break
+            lack = self._lack(field, start, rays[some])
+            scores = outwards[some] - 3.0 * lack + as_before[some]
+            for score, ray in zip(scores.tolist(), some.tolist(), strict=True):
+                if score > best_score or (score == best_score and ray < best):
+                    best_score, best = score, ray
+        return rays[best].copy()
+
+    def _lack(self, field: CoreField, start: Array, rays: Array) -> Array:
+        """Return by how much (R, 3) rays are too near to the core, pitches."""
         reach = float(np.linalg.norm(np.array(self.grid.shape))) + FIELD_PADDING_CELLS
         along = np.arange(1.0, reach, 0.5)
         points = start + rays[:, None, :] * along[None, :, None]
-        distance = distance_at(field, points)
         min_distances = np.minimum(2.0, 0.7 + 0.5 * along)
-        lack = np.maximum(min_distances - distance, 0.0).max(axis=1)
-        score = rays @ radial - 3.0 * lack
-        if before is not None:
-            score = score + 0.5 * (rays @ before)
-        return np.asarray(rays[int(np.argmax(score))])
+        return np.maximum(min_distances - distance_at(field, points), 0.0).max(axis=1)
 
 
 class CoreOnTable:
@@ -178,7 +212,7 @@ def distance_at(field: CoreField, points: Array) -> Array:
     return distances
 
 
-def _directions() -> Array:
+def ray_directions() -> Array:
     """Return (RAY_DIRECTIONS + 6, 3) unit vectors: evenly over the sphere, and the axes."""
     k = np.arange(RAY_DIRECTIONS) + 0.5
     z = 1.0 - 2.0 * k / RAY_DIRECTIONS

@@ -341,7 +341,10 @@ class Window:
         return float(np.abs(self.state.angles).sum()) + bent
 
     def heights(self, points: Array) -> Array:
-        """Return rough (...,) distances of (..., 3) points to the core, pitches."""
+        """Return rough (...,) distances of (..., 3) points to the core, pitches.
+
+        Distances above ``MAX_FIELD_CELLS`` are not told apart.
+        """
         return distance_at(self.held.field, points)
 
     def place(self) -> None:
