@@ -64,7 +64,7 @@ def long_folds(reference_seconds: float) -> Section:
         tempfile.TemporaryDirectory(prefix="foldback-bench-") as folder,
         sync_playwright() as playwright,
     ):
-        write(Path(folder) / "timeline.zarr", chain, windows)
+        write(Path(folder) / "timeline", chain, windows)
         with playing(Path(folder)) as address:
             for size in WINDOWS:
                 browser = playwright.chromium.launch(executable_path=chromium, args=flags)

@@ -362,7 +362,7 @@ def _large(directory: Path) -> Iterator[str]:
         joint_error_rad=1e-3 * share[:, None] * np.ones(len(chain.folded_rad)),
     )
     directory.mkdir()
-    with TimelineWriter.create(directory / "timeline.zarr", chain) as writer:
+    with TimelineWriter.create(directory / "timeline", chain) as writer:
         writer.append(frames)
     with playing(directory) as address:
         yield address

@@ -26,7 +26,6 @@ BUNDLED: Final = {
     "pillow": "libavif, libjpeg-turbo, libpng, libtiff, libwebp, FreeType and others, "
     "listed in its LICENSE",
     "mujoco": "small libraries, listed in its LICENSES_THIRD_PARTY.md",
-    "numcodecs": "Blosc, Zstandard and LZ4, BSD",
     "zstandard": "Zstandard, BSD-3-Clause",
 }
 """Native libraries and programs inside of wheels, by package, as their licence files list them."""

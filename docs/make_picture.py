@@ -70,7 +70,7 @@ def player(directory: Path) -> Iterator[str]:
 def main() -> None:
     """Write the picture."""
     with tempfile.TemporaryDirectory() as folder, player(Path(folder)) as address:
-        frames = Timeline.open(Path(folder) / "timeline.zarr").frames()
+        frames = Timeline.open(Path(folder) / "timeline").frames()
         chromium = CHROMIUM.get()
         with sync_playwright() as playwright:
             browser = playwright.chromium.launch(executable_path=chromium, args=FLAGS)

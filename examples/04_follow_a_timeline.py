@@ -27,7 +27,7 @@ def main() -> None:
     assert isinstance(path, Path)
     chain = Chain.from_path(path)
     with tempfile.TemporaryDirectory() as directory:
-        timeline_path = FilePath(directory) / "timeline.zarr"
+        timeline_path = FilePath(directory) / "timeline"
         writer = TimelineWriter.create(timeline_path, chain)
         worker = threading.Thread(target=compute, args=(chain, writer))
         worker.start()

@@ -24,16 +24,16 @@ from foldback.planner.motion.record import Record
 from foldback.planner.motion.timeline import TimelineWriter
 from foldback.planner.pipeline import manifest
 from foldback.planner.pipeline.derived_files import complete
-from foldback.planner.pipeline.request import FoldRequest
-from foldback.planner.pipeline.stages import run_stage, run_stages
-from foldback.planner.pipeline.workspace import Workspace
-from foldback.planner.plan.packed_fold import (
+from foldback.planner.pipeline.packed_fold import (
     CLEARANCE_STEP_PITCH,
     ROOT_STEPS,
     pack,
     torque_step,
     unpack,
 )
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stage, run_stages
+from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.playback.playback import Playback
 from foldback.planner.readers.gallery import Gallery

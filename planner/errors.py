@@ -159,6 +159,6 @@ UNREADABLE: Final = (
     BadZipFile,
     zlib.error,
 )
-"""Exceptions that mean, when a stored file is read, that the file is damaged: zip, NumPy, zarr,
-blosc and JSON each raise their own. Others, such as ``TypeError``, are faults of the program:
-values of a JSON file are read by ``planner.storage.plain_values``, which checks their types."""
+"""Exceptions that mean, when a stored file is read, that the file is damaged: zip, NumPy and JSON
+each raise their own. Others, such as ``TypeError``, are faults of the program: values of a JSON
+file are read by ``planner.storage.plain_values``, which checks their types."""

@@ -1,21 +1,16 @@
 """Fixtures and settings of all tests."""
 
-import asyncio
 import gc
 import os
 import shutil
 import sys
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Generator, Iterator
 from functools import cache
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
 from httpx._transports import default as http_transports
 from hypothesis import settings
-from zarr.codecs import blosc
-from zarr.storage import _local as local_store
 
 from tests import progress
 from tests.server.service_process import SNAKE, FinishedFold, Service
@@ -30,13 +25,6 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 http_transports.create_ssl_context = cache(http_transports.create_ssl_context)
 
 
-async def _call(function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
-    return function(*arguments, **named)
-
-
-# zarr passes each chunk and each file to another thread, which takes a quarter of the processor
-# time of tests that fold. Programs that tests start keep these threads.
-local_store.asyncio = blosc.asyncio = SimpleNamespace(**{**vars(asyncio), "to_thread": _call})
 # Tests write and remove some ten thousand files, many of them durably. A file system in memory
 # takes a third less time, but Docker's default is too small.
 MEMORY = Path("/dev/shm")

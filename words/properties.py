@@ -31,6 +31,7 @@ from foldback.planner.parameters.playback import PlaybackParameters, RobotParame
 from foldback.planner.parameters.published import PaperExplosionParameters
 from foldback.planner.pipeline.fold_layout import result_path
 from foldback.planner.pipeline.preference import COMPUTING, preference_named
+from foldback.planner.storage.array_files import HEAD
 from foldback.planner.storage.file_names import CHAIN, PLAN, TIMELINE
 from foldback.planner.storage.files import json_of
 from foldback.planner.verification.integrity import damaged_among
@@ -305,7 +306,7 @@ def _simulated_s(directory: Path) -> float | None:
     """Return the simulated time of a timeline, s; it is cached until the timeline changes."""
     try:
         timeline = result_path(directory, TIMELINE)
-        changed_ns = (timeline / "zarr.json").stat().st_mtime_ns
+        changed_ns = (timeline / HEAD).stat().st_mtime_ns
     except OSError:
         return None
     return _simulated_at(timeline, changed_ns)

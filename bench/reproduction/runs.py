@@ -198,7 +198,7 @@ def _figures(
             **{"modules": 0, "module": "", "stuck": (), "folder_mb": 0.0, "frames": 0},
         }
     certificate, playback = summary["certificate"], summary["playback"] or {}
-    film = TimelineView(directory / "timeline.zarr")
+    film = TimelineView(directory / "timeline")
     stages = {phase["name"]: (phase["from"], phase["to"]) for phase in film.outline()["phases"]}
     overlap = _overlap(certificate, stages, len(film))
     stuck = tuple((summary["stuck"] or {}).get("modules") or ())

@@ -57,7 +57,7 @@ def movies(reference_seconds: float) -> Section:
 def _picture(section: Section, directory: Path) -> None:
     from foldback.web.pictures.social_picture import social_picture
 
-    chain = Timeline.open(directory / "timeline.zarr").chain
+    chain = Timeline.open(directory / "timeline").chain
     social_picture(chain)  # compile and load modules first
     start_s = time.perf_counter()
     data = social_picture(chain)

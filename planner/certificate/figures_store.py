@@ -1,41 +1,51 @@
-"""Metrics store: figures of every frame of a timeline, on disk.
+"""Figures store: figures of every frame of a timeline, on disk.
 
-``planner.certificate.frame_figures`` computes them. They are a zarr group beside the timeline; any
-range of frames can be read.
+``planner.certificate.frame_figures`` computes them. They are an array folder beside the timeline,
+with the curves in one file, and the figures of modules and hinges in files of consecutive frames.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path as FilePath
 from shutil import rmtree
-from typing import TYPE_CHECKING, Any, Final, Self, cast
+from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foldback.planner.errors import UNREADABLE, DamagedError, TimelineError
-from foldback.planner.storage.checked_zarr import (
-    checksums_of,
-    create_array,
-    create_group,
-    read_group,
-    sealed,
-)
-from foldback.planner.storage.files import temporary_path, zarr_metadata
-
-if TYPE_CHECKING:
-    import zarr
+from foldback.planner.storage.array_files import read_arrays, read_head, save_npz, write_head
+from foldback.planner.storage.files import temporary_path
+from foldback.planner.storage.plain_values import from_plain
 
 Floats = NDArray[np.float32]
 Integers = NDArray[np.int32]
-FIGURES_FORMAT: Final = "foldback-figures/1"
+FIGURES_FORMAT: Final = "foldback-figures/2"
 CLEARANCE_REACH_PITCH: Final = 1.0
 """Largest distance from a module to the nearest other one that is stored for plots, in pitches;
 larger distances are stored as this one."""
-FIGURE_FRAMES_PER_CHUNK: Final = 128
-"""Number of frames in one zarr chunk of figures with a value for each module or hinge."""
+CURVES_FILE: Final = "curves.npz"
+
+
+@dataclass(frozen=True, slots=True)
+class _Head:
+    """Values in the head of figures.
+
+    Attributes:
+        format: ``FIGURES_FORMAT``.
+        reach: ``CLEARANCE_REACH_PITCH``.
+        ends: Number of frames up to the end of each file of figures of modules and hinges; none if
+            there are only curves.
+        files: Checksums by name of the file.
+    """
+
+    format: str
+    reach: float
+    ends: tuple[int, ...]
+    files: dict[str, int]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -66,31 +76,35 @@ class Curves:
             TimelineError: There are no figures, or the range is not in them.
             DamagedError: The figures are damaged.
         """
+        folder = FilePath(path)
         try:
-            group = read_group(path)
-            attributes = group.attrs.asdict()
-            with zarr_metadata():
-                arrays = {f.name: cast("zarr.Array[Any]", group[f.name]) for f in fields(cls)}
-        except (OSError, ValueError, KeyError) as error:
+            head = from_plain(read_head(folder), _Head)
+        except (OSError, ValueError) as error:
             raise TimelineError(f"no readable figures at {path}: {error}") from error
-        if attributes.get("format") != FIGURES_FORMAT:
+        if head.format != FIGURES_FORMAT:
             raise TimelineError(
-                f"got the format {attributes.get('format')!r} at {path}, "
-                f"expected {FIGURES_FORMAT!r}."
-            )
-        frames = min(array.shape[0] for array in arrays.values())
-        end = frames if stop is None else stop
-        if not 0 <= start <= end <= frames:
-            raise TimelineError(
-                f"got frames {start} to {end}, expected a range within the fold's {frames} frames."
+                f"got the format {head.format!r} at {path}, expected {FIGURES_FORMAT!r}."
             )
         try:
-            columns: dict[str, Any] = {name: array[start:end] for name, array in arrays.items()}
-        except DamagedError:
-            raise
+            curves = read_arrays(folder / CURVES_FILE, head.files[CURVES_FILE])
+            frames = len(curves["min_clearance"])
+            end = frames if stop is None else stop
+            if not 0 <= start <= end <= frames:
+                raise TimelineError(
+                    f"got frames {start} to {end}, expected a range within the fold's {frames} "
+                    "frames."
+                )
+            return cls(
+                **{field.name: curves[field.name][start:end] for field in fields(Curves)},
+                **cls._of_modules(folder, head, start, end),
+            )
         except UNREADABLE as error:
             raise DamagedError(path, f"{type(error).__name__}: {error}") from error
-        return cls(**columns)
+
+    @classmethod
+    def _of_modules(cls, folder: FilePath, head: _Head, start: int, end: int) -> dict[str, Any]:
+        """Return the arrays of modules and hinges."""
+        return {}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -111,35 +125,49 @@ class Figures(Curves):
     nearest: Integers
     torque_nm: Floats
 
+    @classmethod
+    def _of_modules(cls, folder: FilePath, head: _Head, start: int, end: int) -> dict[str, Any]:
+        if not head.ends:
+            raise TimelineError(f"there are no figures of single modules at {folder}.")
+        first = bisect_right(head.ends[:-1], start)
+        last = bisect_left(head.ends[:-1], end, lo=first)
+        parts = [
+            read_arrays(folder / _file(k), head.files[_file(k)]) for k in range(first, last + 1)
+        ]
+        before = head.ends[first - 1] if first else 0
+        return {
+            name: np.concatenate([part[name] for part in parts])[start - before : end - before]
+            for name in _BY_MODULE
+        }
 
-def write(parts: Iterable[Curves], frames: int, path: str) -> None:
-    """Write figures, or curves alone, in parts, ``frames`` frames in all.
 
-    The path then holds a complete zarr group, or, after an error, its former content.
+def write(parts: Iterable[Curves], path: str | FilePath) -> None:
+    """Write figures, or curves alone, in parts.
+
+    The path then holds all of them, or, after an error, its former content.
     """
     target = FilePath(path)
     temporary = temporary_path(target)
-    rmtree(temporary, ignore_errors=True)
     try:
-        group = create_group(temporary)
-        arrays: dict[str, zarr.Array[Any]] = {}
+        temporary.mkdir(parents=True)
+        files: dict[str, int] = {}
         curves: list[Curves] = []
-        start = 0
+        ends: list[int] = []
         for part in parts:
-            for name in _BY_MODULE if isinstance(part, Figures) else ():
-                values = getattr(part, name)
-                if name not in arrays:
-                    arrays[name] = _array(group, name, frames, values, FIGURE_FRAMES_PER_CHUNK)
-                arrays[name][start : start + len(part)] = values
             curves.append(part)
-            start += len(part)
-        for field in fields(Curves):
-            values = np.concatenate([getattr(part, field.name) for part in curves])
-            arrays[field.name] = _array(group, field.name, frames, values, 8192)
-            arrays[field.name][:] = values
-        checksums = checksums_of(temporary, arrays)
-        group.attrs.put(
-            sealed({"format": FIGURES_FORMAT, "reach": CLEARANCE_REACH_PITCH}, checksums)
+            if isinstance(part, Figures):
+                name = _file(len(ends))
+                files[name] = save_npz(
+                    temporary / name, {name: getattr(part, name) for name in _BY_MODULE}
+                )
+                ends.append(sum(map(len, curves)))
+        joined = {
+            field.name: np.concatenate([getattr(part, field.name) for part in curves])
+            for field in fields(Curves)
+        }
+        files[CURVES_FILE] = save_npz(temporary / CURVES_FILE, joined)
+        write_head(
+            temporary, asdict(_Head(FIGURES_FORMAT, CLEARANCE_REACH_PITCH, tuple(ends), files))
         )
         rmtree(target, ignore_errors=True)
         temporary.rename(target)
@@ -147,17 +175,8 @@ def write(parts: Iterable[Curves], frames: int, path: str) -> None:
         rmtree(temporary, ignore_errors=True)
 
 
-def _array(
-    group: zarr.Group, name: str, frames: int, values: NDArray[Any], chunk: int
-) -> zarr.Array[Any]:
-    tail = values.shape[1:]
-    return create_array(
-        group,
-        name,
-        shape=(frames, *tail),
-        chunks=(chunk, *(max(1, size) for size in tail)),
-        dtype=values.dtype,
-    )
+def _file(number: int) -> str:
+    return f"{number:06}.npz"
 
 
 _BY_MODULE: Final = ("clearance", "nearest", "torque_nm")

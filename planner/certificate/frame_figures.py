@@ -19,7 +19,6 @@ from foldback.planner.arrays import Array
 from foldback.planner.certificate.certificate import Certificate
 from foldback.planner.certificate.figures_store import (
     CLEARANCE_REACH_PITCH,
-    FIGURE_FRAMES_PER_CHUNK,
     Curves,
     Figures,
     Floats,
@@ -38,6 +37,8 @@ from foldback.planner.motion.motion import PHASES, Motion
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.parameters.parameters import Parameters
 
+FRAMES_PER_FILE: Final = 128
+"""Number of frames whose figures are computed and stored together."""
 SPLINE_MARGIN_FRAMES: Final = 32
 """Number of frames beyond each end of a chunk of a motion that the spline for the chunk's rates and
 accelerations is fitted to as well. A frame's influence falls to a quarter from one frame to the
@@ -74,9 +75,9 @@ def write_figures(
     read = Timeline.open(timeline)
     if read.windowed:
         # Of all modules in all frames there would be billions.
-        write([_curves(read, parameters, certificate, plan)], len(read), str(path))
+        write([_curves(read, parameters, certificate, plan)], path)
         return
-    write(_parts(read, parameters, certificate), len(read), str(path))
+    write(_parts(read, parameters, certificate), path)
 
 
 def clearances_of(
@@ -182,9 +183,9 @@ def _curves(
 
 
 def _read_chunks(timeline: Timeline) -> Iterator[Motion]:
-    """Yield all frames, each chunk read once."""
-    for start in range(0, max(1, len(timeline)), FIGURE_FRAMES_PER_CHUNK):
-        yield timeline.frames(start, min(start + FIGURE_FRAMES_PER_CHUNK, len(timeline)))
+    """Yield all frames in the parts whose figures are stored together."""
+    for start in range(0, max(1, len(timeline)), FRAMES_PER_FILE):
+        yield timeline.frames(start, min(start + FRAMES_PER_FILE, len(timeline)))
 
 
 def _of_frames(

@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path as FilePath
 from typing import Any, Final, Literal
-from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.motion.angle_encoding import packed_frames, unpacked_frames
 from foldback.planner.motion.failure_schemas import SpentKind
 from foldback.planner.motion.motion import Motion
 from foldback.planner.reasons import Reason
-from foldback.planner.storage.files import written_aside
+from foldback.planner.storage.array_files import save_npz
 
 RecordStatus = Literal["straight", "stalled", "diverged", "cancelled", "timeout"]
-PROBE_HALF_WIDTH_VALUES: Final = 8192
-"""Number of values on either side of an array's middle that are compressed as a test of whether the
-whole array is worth compressing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,33 +168,3 @@ class Record:
 
 _SCALARS: Final = ("steps", "seconds", "strategy", "pushes", "retries")
 """Figures of a record that its file holds by name."""
-
-
-def save_npz(path: FilePath, arrays: dict[str, Any], *, level: int = 1) -> None:
-    """Write arrays to a temporary file and rename it: the file is either complete or absent.
-
-    Args:
-        path: Path of the file.
-        arrays: Arrays by name.
-        level: Level of zlib, 1 to 9, for arrays that compression makes smaller.
-    """
-    with (
-        written_aside(path) as temporary_path,
-        ZipFile(temporary_path, "w", compresslevel=level) as file,
-    ):
-        for name, value in arrays.items():
-            array = np.asanyarray(value)
-            file.compression = ZIP_DEFLATED if _shrinks(array) else ZIP_STORED
-            with file.open(f"{name}.npy", "w", force_zip64=True) as part:
-                np.lib.format.write_array(part, array, allow_pickle=False)
-
-
-def _shrinks(array: NDArray[Any]) -> bool:
-    """Return True if zlib makes an array much smaller, tested on values from its middle."""
-    flat = array.reshape(-1)
-    middle = len(flat) // 2
-    sample = flat[
-        max(0, middle - PROBE_HALF_WIDTH_VALUES) : middle + PROBE_HALF_WIDTH_VALUES
-    ].tobytes()
-    # angles of an unfolding do not get below 0.9
-    return len(zlib.compress(sample, 1)) < 0.7 * len(sample)

@@ -1,108 +1,121 @@
-"""Timeline: time-ordered snapshots of one fold, append-only while it runs, tail-readable.
+"""Timeline: the frames of one fold in time order, append-only while it runs, tail-readable.
 
-It is the only thing that passes from the computing side to the showing side. On disk it is a zarr
-group. Frames become visible to readers when the group's ``frames`` attribute has grown, which is
-written last; a reader never sees half a frame.
+It holds the motions of the explosion and of the playback, and is the only thing that passes from
+the computing side to the showing side. On disk it is an array folder
+(``planner.storage.array_files``). Each flush writes *chunks*: ``.npz`` files with the columns of a
+``Motion`` for consecutive frames, which never change. The head, which lists the chunks, is written
+last; a reader never sees half a frame.
 
-The format names the layout: that of a dense or of a windowed ``Motion``. Either is read as the one
-or the other.
+The layout is that of a dense or of a windowed ``Motion``. Either is read as the one or the other.
 """
 
 from __future__ import annotations
 
 import secrets
 import time
-from collections.abc import Generator
+from bisect import bisect_right
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from itertools import accumulate
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any, Final, Literal, cast
+from shutil import rmtree
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foldback.planner.arrays import Array, Ints
+from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.chain_attributes import chain_attributes, chain_from_attributes
 from foldback.planner.errors import UNREADABLE, DamagedError, InputError, TimelineError
-from foldback.planner.motion.motion import FRAME_COLUMNS, WINDOW_COLUMNS, Columns, Motion
-from foldback.planner.storage.checked_zarr import (
-    ROOT_FILE,
-    array_of,
-    checksums_of,
-    create_array,
-    create_group,
-    open_for_writing,
-    read_group,
-    sealed,
+from foldback.planner.motion.motion import FRAME_COLUMNS, WINDOW_COLUMNS, Motion
+from foldback.planner.storage.array_files import (
+    HEAD,
+    Arrays,
+    read_arrays,
+    read_head,
+    save_npz,
+    write_head,
 )
+from foldback.planner.storage.plain_values import from_plain
 
-if TYPE_CHECKING:
-    import zarr
-
-FORMAT: Final = "foldback-timeline/1"
-WINDOWS_FORMAT: Final = "foldback-timeline/2"
+FORMAT: Final = "foldback-timeline/3"
+Layout = Literal["frames", "windows"]
 Status = Literal["growing", "complete", "failed"]
-ERRORS_FROM: Final = "errors_from"
-"""Name of the attribute of a stored motion that gives the index of the first hinge angle with a
-recorded tracking error, or None if there is none: readers need not read the errors before it."""
-FRAMES_PER_CHUNK: Final = 128
-"""Number of frames in a zarr chunk of a motion that stores all hinges in each frame."""
-WINDOWS_PER_CHUNK: Final = 4096
-"""Number of frames in a zarr chunk of a motion that stores only the moving hinges of each frame,
-for all arrays but those of angles."""
+MAX_CHUNK_FRAMES: Final = {"frames": 128, "windows": 4096}
+"""Maximum number of frames in a chunk, by layout."""
+MAX_CHUNK_ANGLES: Final = 2**18
+"""Maximum number of hinge angles in a chunk, unless it holds a single frame."""
 MIN_FLUSH_PERIOD_S: Final = 0.15
 """Minimum time between two writes of new frames to disk, s."""
 MAX_FLUSH_PERIOD_S: Final = 1.0
 """Maximum time between two writes of new frames to disk, s, even if writes are slow."""
+FOLDED_FILE: Final = "folded.npz"
+"""File in a windowed timeline with the folded angles of its chain. The head is written and read
+over and over; such a chain may have a million hinges."""
 
 
-_WINDOW_ROWS: Final = ("time_s", "phase", "first", "base_position", "base_wxyz")
-_WINDOW_ANGLES: Final = ("angles_rad", "errors_rad")
+@dataclass(frozen=True, slots=True)
+class _Chunk:
+    """Entry of a chunk in the head.
 
-
-def _columns(windowed: bool, hinges: int) -> dict[str, tuple[tuple[int, ...], str, int]]:
-    """Return shape behind the first axis, type, and chunk rows of the columns by name.
-
-    ``ends`` are the ends of the windows in ``angles_rad``. Joint errors are single precision.
+    Attributes:
+        frames: Number of its frames that belong to the timeline; the file may hold more.
+        has_errors: True if it holds joint errors.
     """
-    table: Columns = {**FRAME_COLUMNS, "joint_error_rad": ((-1,), "float32")}
-    if windowed:
-        names = (*_WINDOW_ROWS[:3], "offsets", *_WINDOW_ROWS[3:], *_WINDOW_ANGLES)
-        table = {"ends" if name == "offsets" else name: WINDOW_COLUMNS[name] for name in names}
-    rows: dict[str, int] = {name: 2**16 for name in _WINDOW_ANGLES}
-    chunk_rows = WINDOWS_PER_CHUNK if windowed else FRAMES_PER_CHUNK
-    return {
-        name: (
-            tuple(hinges if size < 0 else size for size in tail),
-            dtype,
-            rows.get(name, chunk_rows),
-        )
-        for name, (tail, dtype) in table.items()
-    }
+
+    frames: int
+    has_errors: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Head:
+    """Values in the head of a timeline.
+
+    Attributes:
+        format: ``FORMAT``.
+        layout: Layout of its motion.
+        id: Random text that tells a timeline that was begun anew from the one before.
+        chain: Values of ``chain_attributes``; for windows without angles and joint names.
+        status: ``growing`` until the last frame is there.
+        chunks: Chunks in time order.
+        files: Checksums by name of the file.
+    """
+
+    format: str
+    layout: Layout
+    id: str
+    chain: dict[str, Any]
+    status: Status
+    chunks: tuple[_Chunk, ...]
+    files: dict[str, int]
+
+    @property
+    def frames(self) -> int:
+        return sum(chunk.frames for chunk in self.chunks)
+
+
+def frames_on_disk(path: FilePath) -> int:
+    """Return the number of frames that the timeline at a path states.
+
+    Raises:
+        TimelineError: There is none, or it is damaged.
+    """
+    return _read(path).frames
 
 
 class TimelineWriter:
     """Writer that appends frames to a timeline. One at a time; a context manager."""
 
-    def __init__(
-        self,
-        path: str | FilePath,
-        group: zarr.Group,
-        arrays: dict[str, zarr.Array[Any]],
-        attributes: dict[str, Any],
-    ) -> None:
+    def __init__(self, path: FilePath, head: _Head, hinges: int) -> None:
         self._path = path
-        self._group = group
-        self._arrays = arrays
-        self._attributes = attributes
-        self._frames = int(attributes["frames"])
-        self._windowed = attributes["format"] == WINDOWS_FORMAT
-        self._hinges = (
-            arrays["folded_rad"].size if self._windowed else len(attributes["chain"]["folded_rad"])
-        )
+        self._head = head
+        self._frames = head.frames
+        self._hinges = hinges
         self._waiting: list[Motion] = []
         self._next_flush = time.monotonic()  # the first frames are shown at once
-        self._status: Status = "growing"
+        self._mark("growing")
 
     @classmethod
     def create(
@@ -121,77 +134,60 @@ class TimelineWriter:
             windowed: True if its motions are windowed; else they are dense.
             timeline_id: Identity of the timeline if it is a copy; a new one if None.
         """
+        folder = FilePath(path)
         # First of all: a reader of frames whose files are being deleted sees that by its absence.
-        (FilePath(path) / ROOT_FILE).unlink(missing_ok=True)
-        group = create_group(path)
-        columns = _columns(windowed, len(chain.folded_rad))
-        arrays = {
-            name: create_array(
-                group,
-                name,
-                shape=(0, *tail),
-                chunks=(rows, *tail),
-                dtype=dtype,
-                fill_value=np.nan if name == "errors_rad" else 0,
-            )
-            for name, (tail, dtype, rows) in columns.items()
-        }
-        chain_values = chain_attributes(chain)
-        errors: dict[str, Any] = {}
+        (folder / HEAD).unlink(missing_ok=True)
+        rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        chain_values, files = chain_attributes(chain), dict[str, int]()
         if windowed:
-            # The attributes are written and read over and over: what is long is beside them.
-            folded = chain.folded_rad
-            arrays["folded_rad"] = create_array(
-                group,
-                "folded_rad",
-                shape=folded.shape,
-                chunks=(max(1, len(folded)),),
-                dtype=folded.dtype,
-            )
-            arrays["folded_rad"][:] = folded
             for name in ("folded_rad", "joint_names"):
                 del chain_values[name]
-            errors = {ERRORS_FROM: None}
-        attributes = {
-            "format": WINDOWS_FORMAT if windowed else FORMAT,
-            # Tells a timeline that was begun anew from the one that was there before.
-            "id": timeline_id or secrets.token_hex(8),
-            "chain": chain_values,
-            **errors,
-            "frames": 0,
-            "status": "growing",
-        }
-        writer = cls(path, group, arrays, sealed(attributes))
-        writer._mark("growing")
-        return writer
+            files[FOLDED_FILE] = save_npz(folder / FOLDED_FILE, {"folded_rad": chain.folded_rad})
+        head = _Head(
+            format=FORMAT,
+            layout="windows" if windowed else "frames",
+            id=timeline_id or secrets.token_hex(8),
+            chain=chain_values,
+            status="growing",
+            chunks=(),
+            files=files,
+        )
+        return cls(folder, head, len(chain.folded_rad))
 
     @classmethod
     def reopen(cls, path: str | FilePath, *, frames: int | None = None) -> TimelineWriter:
         """Continue a timeline after its first ``frames`` frames (all of them when None)."""
-        timeline = Timeline.open(path)
+        folder, timeline = FilePath(path), Timeline.open(path)
         frame_count = len(timeline) if frames is None else frames
         if not 0 <= frame_count <= len(timeline):
             raise TimelineError(
                 f"got {frame_count} frames to keep, expected 0 to {len(timeline)}, the number of "
                 f"frames in {path}."
             )
-        timeline.motion(
-            max(frame_count - 1, 0), frame_count
-        )  # a damaged chunk must not be written again
-        group, arrays = open_for_writing(path)
-        attributes = {**group.attrs.asdict(), "frames": frame_count}
+        timeline.motion(max(frame_count - 1, 0), frame_count)  # nothing follows a damaged chunk
+        head = _read(folder)
         if frame_count < len(timeline):
+            kept: list[_Chunk] = []
+            for chunk, end in zip(head.chunks, _ends(head.chunks), strict=True):
+                if end - chunk.frames < frame_count:
+                    frames_of_chunk = chunk.frames - max(end - frame_count, 0)
+                    kept.append(replace(chunk, frames=frames_of_chunk))
+            names = {FOLDED_FILE, *map(_chunk_file, range(len(kept)))}
+            files = {name: checksum for name, checksum in head.files.items() if name in names}
             # Who has read what is dropped has to begin anew.
-            attributes["id"] = secrets.token_hex(8)
-        writer = cls(path, group, arrays, attributes)
-        writer._mark("growing")
+            head = replace(head, chunks=tuple(kept), files=files, id=secrets.token_hex(8))
+        writer = cls(folder, head, len(timeline.chain.folded_rad))
+        for file in folder.glob("*.npz"):
+            if file.name not in head.files:
+                file.unlink()
         return writer
 
     def __enter__(self) -> TimelineWriter:
         return self
 
     def __exit__(self, kind: object, value: object, trace: object) -> None:
-        if self._status == "growing":
+        if self._head.status == "growing":
             self.close("failed" if kind else "complete")
 
     def __len__(self) -> int:
@@ -203,15 +199,14 @@ class TimelineWriter:
         Raises:
             TimelineError: They are of another kind or of another chain.
         """
-        if self._status != "growing":
+        if self._head.status != "growing":
             raise TimelineError(
-                f"the timeline is {self._status}; frames can be added only to a growing timeline."
+                f"the timeline is {self._head.status}; frames can be added only to a growing "
+                "timeline."
             )
-        if frames.is_windowed != self._windowed:
-            names = ("a dense motion", "a windowed motion")
-            raise TimelineError(
-                f"got {names[frames.is_windowed]}, expected {names[self._windowed]}."
-            )
+        if frames.layout != self._head.layout:
+            names = {"frames": "a dense motion", "windows": "a windowed motion"}
+            raise TimelineError(f"got {names[frames.layout]}, expected {names[self._head.layout]}.")
         hinges = int(frames.last.max(initial=0)) if frames.is_windowed else frames.hinges or 0
         if hinges > self._hinges or (hinges < self._hinges and not frames.is_windowed):
             raise TimelineError(
@@ -232,46 +227,21 @@ class TimelineWriter:
         motion = Motion.joined(self._waiting)
         self._waiting = []
         first = not self._frames
-        stop = self._frames + len(motion)
-        values = motion.columns()
-        if motion.is_windowed:
-            begins = int(cast("Any", self._arrays["ends"][self._frames - 1])) if self._frames else 0
-            self._write_angles(motion, begins)
-            values = {name: values[name] for name in _WINDOW_ROWS}
-            values["ends"] = begins + motion.offsets[1:]
-        for name, column in values.items():
-            array = self._arrays[name]
-            array.resize((stop, *array.shape[1:]))
-            array[self._frames : stop] = column.astype(array.dtype)
-        self._frames = stop
+        chunks, files = list(self._head.chunks), dict(self._head.files)
+        for part in _parts(motion):
+            columns, has_errors = part.columns(), part.errors_rad is not None
+            if not has_errors:
+                columns.pop("joint_error_rad", None)
+            name = _chunk_file(len(chunks))
+            files[name] = save_npz(self._path / name, columns)
+            chunks.append(_Chunk(len(part), has_errors))
+        self._head = replace(self._head, chunks=tuple(chunks), files=files)
+        self._frames += len(motion)
         self._mark("growing")
         now = time.monotonic()
-        # Nothing moves before the second one, and the first takes long: it creates the files.
-        # a tenth of the time at most
+        # Nothing moves before the second one. A tenth of the time at most.
         pause = 0.0 if first else min((now - start_s) / 0.1, MAX_FLUSH_PERIOD_S)
         self._next_flush = now + max(pause, MIN_FLUSH_PERIOD_S)
-
-    def _write_angles(self, motion: Motion, begins: int) -> None:
-        """Write the angles of windows, and their errors from the first recorded one on.
-
-        Args:
-            motion: The windows.
-            begins: Number of angles before them.
-        """
-        count = begins + len(motion.angles_rad)
-        self._arrays["angles_rad"].resize((count,))
-        self._arrays["angles_rad"][begins:] = motion.angles_rad
-        errors = self._arrays["errors_rad"]
-        errors.resize((count,))
-        first = self._attributes.get(ERRORS_FROM)
-        if first is not None and first >= begins:  # those were dropped when it was reopened
-            first = None
-        if motion.errors_rad is not None:
-            errors[begins:] = motion.errors_rad
-            first = begins if first is None else first
-        elif first is not None:
-            errors[begins:] = np.nan
-        self._attributes[ERRORS_FROM] = first
 
     def close(self, status: Status = "complete") -> None:
         """Write waiting frames and close the timeline for good."""
@@ -279,33 +249,23 @@ class TimelineWriter:
         self._mark(status)
 
     def _mark(self, status: Status) -> None:
-        self._status = status
-        self._attributes |= {"frames": self._frames, "status": status}
-        over = status != "growing"
-        self._attributes = sealed(
-            self._attributes, checksums_of(self._path, self._arrays) if over else None
-        )
-        self._group.attrs.put(self._attributes)
+        self._head = replace(self._head, status=status)
+        write_head(self._path, asdict(self._head))
 
 
 class Timeline:
     """Reader of a timeline, also of its tail while it grows."""
 
-    def __init__(self, path: str, attributes: dict[str, Any]) -> None:
+    def __init__(self, path: FilePath, head: _Head) -> None:
         self.path = path
-        self.id = str(attributes["id"])
-        self.windowed = attributes["format"] == WINDOWS_FORMAT
-        self._arrays: dict[str, zarr.Array[Any]] = {}
-        self._frames = 0
-        self._status: Status = "growing"
-        self._errors_from: int | None = None
-        chain_data = attributes["chain"]
+        self.id = head.id
+        self.windowed = head.layout == "windows"
+        self.chain_data = dict(head.chain)
         if self.windowed:
-            folded = cast("zarr.Array[Any]", read_group(path)["folded_rad"])
-            chain_data = {**chain_data, "folded_rad": np.asarray(folded[:]).tolist()}
-        self.chain_data = dict(chain_data)
-        self.chain = chain_from_attributes(chain_data)
-        self._take(attributes)
+            folded = read_arrays(path / FOLDED_FILE, head.files.get(FOLDED_FILE, 0))
+            self.chain_data["folded_rad"] = folded["folded_rad"].tolist()
+        self.chain = chain_from_attributes(self.chain_data)
+        self._take(head)
 
     @classmethod
     def open(cls, path: str | FilePath) -> Timeline:
@@ -315,23 +275,24 @@ class Timeline:
             TimelineError: There is none, or another one is replacing it.
             DamagedError: It is damaged.
         """
-        attributes = _attributes(str(path))
-        with _reading(str(path), attributes["id"]):
-            return cls(str(path), attributes)
+        folder = FilePath(path)
+        head = _read(folder)
+        with _reading(folder, head.id):
+            return cls(folder, head)
 
     def __len__(self) -> int:
         """Return the number of frames at the last ``refresh``."""
-        return self._frames
+        return self._ends[-1] if self._ends else 0
 
     @property
     def chunk_frames(self) -> int:
-        """Number of frames in a chunk: ranges of whole chunks are read fastest."""
-        return WINDOWS_PER_CHUNK if self.windowed else FRAMES_PER_CHUNK
+        """Maximum number of frames in a chunk: longer ranges take more than one read."""
+        return MAX_CHUNK_FRAMES[self._head.layout]
 
     @property
     def status(self) -> Status:
         """Status at the last ``refresh``: ``growing``, ``complete`` or ``failed``."""
-        return self._status
+        return self._head.status
 
     def refresh(self) -> bool:
         """Check for new frames; return True if anything has changed.
@@ -339,13 +300,12 @@ class Timeline:
         Raises:
             TimelineError: Another one has replaced it, or is about to.
         """
-        before = (self._frames, self._status)
-        attributes = _attributes(self.path)
-        if attributes["id"] != self.id:
+        before = self._head
+        head = _read(self.path)
+        if head.id != self.id:
             raise TimelineError(f"the timeline at {self.path} was replaced by a new one.")
-        with _reading(self.path, self.id):
-            self._take(attributes)
-        return before != (self._frames, self._status)
+        self._take(head)
+        return before != head
 
     @property
     def replaced(self) -> bool:
@@ -360,8 +320,16 @@ class Timeline:
         """
         end = self._end(start, stop, stride)
         with _reading(self.path, self.id):
-            read = self._windows if self.windowed else self._dense
-            return Motion.from_columns(read(start, end, stride))
+            parts = [
+                Motion.from_columns(self._columns(number))[rows]
+                for number, rows in self._rows(start, end, stride)
+            ]
+        if parts:
+            return Motion.joined(parts)
+        if not self.windowed:
+            return Motion.empty(len(self.chain.folded_rad))
+        nothing = np.zeros(0, np.int64)
+        return Motion.from_angles(np.zeros(0, np.float32), nothing, np.zeros(1, np.int64))
 
     def frames(self, start: int = 0, stop: int | None = None, stride: int = 1) -> Motion:
         """Read frames as a dense motion, see ``motion``."""
@@ -371,118 +339,115 @@ class Timeline:
         """Read frames as a windowed motion, see ``motion``."""
         return self.motion(start, stop, stride).windowed(self.chain)
 
-    def _dense(self, start: int, end: int, stride: int) -> dict[str, Any]:
-        columns = {name: _strided(self._arrays[name], start, end, stride) for name in FRAME_COLUMNS}
-        columns["joint_error_rad"] = columns["joint_error_rad"].astype(np.float64)
-        return columns
-
-    def _windows(self, start: int, end: int, stride: int) -> dict[str, Any]:
-        numbers = np.arange(start, end, stride)
-        ends = cast("Ints", self._arrays["ends"][max(start - 1, 0) : end])
-        ends = np.concatenate([[0], ends]) if start == 0 else ends
-        begins, stops = ends[numbers - start], ends[numbers - start + 1]
-        if stride == 1 or not len(numbers):
-            spans = [(int(ends[0]), int(ends[-1]))]
-        else:
-            spans = list(zip(begins.tolist(), stops.tolist(), strict=True))
-        angles = cast("Any", self._arrays["angles_rad"])
-        errors = np.concatenate([self._errors(first, last) for first, last in spans])
-        return {
-            **{name: cast("Any", self._arrays[name][start:end])[::stride] for name in _WINDOW_ROWS},
-            "offsets": np.concatenate([[0], np.cumsum(stops - begins)]),
-            "angles_rad": np.concatenate([angles[first:last] for first, last in spans]),
-            "errors_rad": None if np.isnan(errors).all() else errors,
-        }
-
-    def _errors(self, first: int, last: int) -> NDArray[np.float32]:
-        """Return errors of a range of angles, NaN before the first recorded one."""
-        if self._errors_from is None:
-            return np.full(last - first, np.nan, np.float32)
-        error_start = min(max(first, self._errors_from), last)
-        before = np.full(error_start - first, np.nan, np.float32)
-        errors = cast("Any", self._arrays["errors_rad"])[error_start:last]
-        return np.concatenate([before, errors])
-
     @property
     def tells_errors(self) -> bool:
         """True if joint errors of any frame may be recorded; those of windows are not read."""
-        return not self.windowed or self._errors_from is not None
+        return not self.windowed or any(chunk.has_errors for chunk in self._head.chunks)
 
     def largest_errors(self, start: int = 0, stop: int | None = None) -> Array:
         """Return the (f,) largest joint error of each frame, NaN if none is recorded.
 
-        Without any recorded error, no chunk is read.
+        Chunks without any recorded error are not read.
 
         Raises:
             TimelineError: The range is not within the timeline.
         """
-        end, rows = self._end(start, stop, 1), max(self.chunk_frames, 1024)
-        if not self.tells_errors:
-            return np.full(end - start, np.nan)
-        parts = [
-            self.motion(at, min(at + rows, end)).largest_errors for at in range(start, end, rows)
-        ]
-        return np.concatenate([np.zeros(0), *parts])
+        end = self._end(start, stop, 1)
+        largest = np.full(end - start, np.nan)
+        with _reading(self.path, self.id):
+            for number, rows in self._rows(start, end, 1):
+                if self._head.chunks[number].has_errors:
+                    motion = Motion.from_columns(self._columns(number))[rows]
+                    at = self._start(number) + rows.start - start
+                    largest[at : at + len(motion)] = motion.largest_errors
+        return largest
 
     def clock(self, start: int = 0) -> tuple[Array, NDArray[np.uint8]]:
         """Return (f,) times and (f,) phases of all frames from ``start`` on, nothing else."""
+        names = ("time_s", "phase")
         with _reading(self.path, self.id):
-            time_s, phase = (
-                self._arrays[name][start : self._frames] for name in ("time_s", "phase")
+            parts = [
+                (self._columns(number, names), rows)
+                for number, rows in self._rows(start, len(self), 1)
+            ]
+        time_s = [columns["time_s"][rows] for columns, rows in parts]
+        phase = [columns["phase"][rows] for columns, rows in parts]
+        return np.concatenate([np.zeros(0), *time_s]), np.concatenate(
+            [np.zeros(0, np.uint8), *phase]
+        )
+
+    def _rows(self, start: int, end: int, stride: int) -> Iterator[tuple[int, slice]]:
+        """Yield the number of each chunk that holds wanted frames, and their rows in it."""
+        frame = start
+        while frame < end:
+            number = bisect_right(self._ends, frame)
+            first, last = self._start(number), min(self._ends[number], end)
+            yield number, slice(frame - first, last - first, stride)
+            frame += -(-(last - frame) // stride) * stride
+
+    def _start(self, number: int) -> int:
+        return self._ends[number] - self._head.chunks[number].frames
+
+    def _columns(self, number: int, names: Sequence[str] | None = None) -> Arrays:
+        """Return columns of a chunk, all if ``names`` is None.
+
+        Raises:
+            DamagedError: Its file is missing or damaged.
+        """
+        chunk, path = self._head.chunks[number], self.path / _chunk_file(number)
+        arrays = read_arrays(path, self._head.files.get(path.name, 0), names)
+        expected = WINDOW_COLUMNS if self.windowed else FRAME_COLUMNS
+        for name, array in arrays.items():
+            tail, dtype = expected[name]
+            tail = tuple(len(self.chain.folded_rad) if size < 0 else size for size in tail)
+            if array.shape[1:] != tail or array.dtype != dtype or array.ndim != 1 + len(tail):
+                raise DamagedError(
+                    path,
+                    f"got {array.dtype} rows of shape {array.shape[1:]} as {name}, expected "
+                    f"{dtype} rows of shape {tail}",
+                )
+        if len(arrays["time_s"]) < chunk.frames:
+            raise DamagedError(
+                path,
+                f"the timeline declares {chunk.frames} frames but has {len(arrays['time_s'])}",
             )
-        return cast("Array", time_s), cast("NDArray[np.uint8]", phase)
+        return arrays
 
     def _end(self, start: int, stop: int | None, stride: int) -> int:
-        end = self._frames if stop is None else stop
-        if not (0 <= start <= end <= self._frames and stride >= 1):
+        end = len(self) if stop is None else stop
+        if not (0 <= start <= end <= len(self) and stride >= 1):
             raise TimelineError(
                 f"got frames {start} to {end} in steps of {stride}, expected a range within the "
-                f"timeline's {self._frames} frames and a step of at least 1."
+                f"timeline's {len(self)} frames and a step of at least 1."
             )
         return end
 
-    def _take(self, attributes: dict[str, Any]) -> None:
-        frames = int(attributes["frames"])
-        status = cast("Status", attributes["status"])
-        # A group that was opened while it grew knows no checksums of chunk files.
-        if frames != self._frames or status != self._status or not self._arrays:
-            group = read_group(self.path)
-            columns = _columns(self.windowed, len(self.chain.folded_rad))
-            self._arrays = {n: array_of(group, self.path, n) for n in columns}
-            for name, array in self._arrays.items():
-                tail, dtype, _ = columns[name]
-                if array.shape[1:] != tail or array.dtype != dtype:
-                    raise DamagedError(
-                        FilePath(self.path) / name,
-                        f"got {array.dtype} rows of shape {array.shape[1:]}, expected {dtype} rows "
-                        f"of shape {tail}",
-                    )
-            rows = [a.shape[0] for n, a in self._arrays.items() if n not in _WINDOW_ANGLES]
-            if not 0 <= frames <= min(rows):
-                raise DamagedError(
-                    self.path, f"the timeline declares {frames} frames but has {min(rows)}"
-                )
-        self._errors_from = attributes.get(ERRORS_FROM)
-        self._frames = frames
-        self._status = status
+    def _take(self, head: _Head) -> None:
+        self._head = head
+        self._ends = _ends(head.chunks)
 
 
-def _strided(array: zarr.Array[Any], start: int, end: int, stride: int) -> NDArray[Any]:
-    """Return ``array[start:end:stride]``, read chunk by chunk if there is a stride."""
-    if stride == 1:
-        return cast("NDArray[Any]", array[start:end])
-    frames = np.arange(start, end, stride)
-    edges = np.flatnonzero(np.diff(frames // array.chunks[0])) + 1
-    parts = [
-        cast("NDArray[Any]", array[int(part[0]) : int(part[-1]) + 1])[::stride]
-        for part in np.split(frames, edges)
-        if len(part)
-    ]
-    return np.concatenate(parts) if parts else cast("NDArray[Any]", array[start:start])
+def _ends(chunks: Sequence[_Chunk]) -> list[int]:
+    """Return the number of frames up to the end of each chunk."""
+    return list(accumulate(chunk.frames for chunk in chunks))
+
+
+def _chunk_file(number: int) -> str:
+    return f"{number:06}.npz"
+
+
+def _parts(motion: Motion) -> Iterator[Motion]:
+    """Yield the chunks of a motion."""
+    start = 0
+    while start < len(motion):
+        until = int(np.searchsorted(motion.offsets, motion.offsets[start] + MAX_CHUNK_ANGLES))
+        stop = min(max(until - 1, start + 1), start + MAX_CHUNK_FRAMES[motion.layout])
+        yield motion[start:stop]
+        start = stop
 
 
 @contextmanager
-def _reading(path: str, timeline_id: str) -> Generator[None]:
+def _reading(path: FilePath, timeline_id: str) -> Generator[None]:
     """Turn what reading raises into DamagedError, or TimelineError if it is being replaced."""
     try:
         yield
@@ -494,27 +459,39 @@ def _reading(path: str, timeline_id: str) -> Generator[None]:
         raise DamagedError(path, f"{type(error).__name__}: {error}") from error
 
 
-def _is_replaced(path: str, timeline_id: str) -> bool:
+def _is_replaced(path: FilePath, timeline_id: str) -> bool:
     try:
-        return bool(_attributes(path)["id"] != timeline_id)
+        return _read(path).id != timeline_id
     except DamagedError:
         return False
     except TimelineError:
         return True
 
 
-def _attributes(path: str) -> dict[str, Any]:
+def _read(path: FilePath) -> _Head:
+    """Return the head of the timeline at a path.
+
+    Raises:
+        TimelineError: There is none, or it has another format.
+        DamagedError: It is damaged.
+    """
     try:
-        attributes = read_group(path).attrs.asdict()
+        values = read_head(path)
     except FileNotFoundError as error:
+        if path.with_name(f"{path.name}.zarr").exists():
+            raise TimelineError(
+                f"{path.parent} was written by an earlier version of foldback, which stored "
+                "motions in another format; fold the shape again."
+            ) from error
         raise TimelineError(f"no timeline at {path}: {error}") from error
-    if not attributes:  # one that is just being created
-        raise TimelineError(f"no timeline at {path} yet.")
-    if attributes.get("format") not in (FORMAT, WINDOWS_FORMAT):
+    if values.get("format") != FORMAT:
         raise TimelineError(
-            f"got the format {attributes.get('format')!r} at {path}, expected {FORMAT!r} or "
-            f"{WINDOWS_FORMAT!r}."
+            f"got the format {values.get('format')!r} at {path}, expected {FORMAT!r}."
         )
-    if missing := {"id", "chain", "frames", "status"} - attributes.keys():
-        raise DamagedError(path, f"the timeline's attributes lack {', '.join(sorted(missing))}")
-    return attributes
+    try:
+        head = from_plain(values, _Head)
+    except ValueError as error:
+        raise DamagedError(path / HEAD, str(error)) from error
+    if any(chunk.frames < 1 for chunk in head.chunks):
+        raise DamagedError(path / HEAD, "it lists a chunk without frames")
+    return head

@@ -15,12 +15,13 @@ from pathlib import Path as FilePath
 from typing import Any, Final, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from foldback.planner.errors import UNREADABLE, DamagedError
-from foldback.planner.storage.checked_zarr import DIGEST, read_group, unsealed
-from foldback.planner.storage.file_names import DERIVED_FILES, DESCRIBED
+from foldback.planner.storage.array_files import HEAD, read_head
+from foldback.planner.storage.file_names import ARRAY_FOLDERS, DERIVED_FILES, DESCRIBED
 from foldback.planner.storage.file_names import MANIFEST as FILE
-from foldback.planner.storage.files import write_json, zarr_group, zarr_metadata
+from foldback.planner.storage.files import write_json
 from foldback.planner.storage.plain_values import from_plain
 
 MANIFEST_FORMAT: Final = "foldback-manifest/1"
@@ -30,8 +31,6 @@ archive of arrays) has no parts with digests of their own."""
 MISSING: Final = "the file is missing"
 """Difference from the manifest that is reported for a file which the manifest lists, but the folder
 lacks."""
-DIGEST_ROWS: Final = 1024
-"""Number of rows of an array that are read and hashed at once, to compute its digest."""
 Digests = dict[str, dict[str, str]]
 
 
@@ -48,8 +47,9 @@ def digests_of(
 ) -> Digests:
     """Return digests of each file's fields; of an unreadable file, the digest of its bytes.
 
-    Fields of JSON files are their keys, of ``.npz`` and zarr files their arrays; ``plan.…`` are the
-    keys of the text in a plan's ``.npz`` file, ``attributes.…`` those of a zarr group.
+    Fields of JSON files are their keys, of ``.npz`` files their arrays; ``plan.…`` are the keys of
+    the text in a plan's ``.npz`` file. Of an array folder they are its files, and as ``head.…`` the
+    keys of its head.
 
     Args:
         directory: Directory of the fold.
@@ -61,7 +61,7 @@ def digests_of(
         path = directory / name
         try:
             return dict(_fields(path, arrays=arrays))
-        except UNREADABLE:
+        except (*UNREADABLE, DamagedError):
             return {FILE_CONTENT: _of_bytes(path)}
 
     # One after the other: two at once are no sooner done, and hold an array more.
@@ -151,25 +151,12 @@ def changed_fields(
             for field in dict.fromkeys((*stated_fields, *current_fields))
             if current_fields.get(field) != stated_fields.get(field)
         ]
-    # The digests above leave out the attribute that the arrays' own checksums rest on.
-    return changed + [
-        f"{name}: attributes.{DIGEST}" for name in current if _seal_broken(directory / name)
-    ]
+    return changed
 
 
 def _write(directory: FilePath, digests: Digests) -> None:
     in_order = {name: digests[name] for name in DESCRIBED if name in digests}
     write_json(directory / FILE, {"format": MANIFEST_FORMAT, "sha256": in_order})
-
-
-def _seal_broken(path: FilePath) -> bool:
-    """Return True for a zarr group whose attributes are not those that were written."""
-    try:
-        if path.suffix == ".zarr":
-            read_group(path)
-    except (*UNREADABLE, DamagedError):
-        return True
-    return False
 
 
 def _fields(path: FilePath, *, arrays: bool) -> Iterator[tuple[str, str]]:
@@ -183,17 +170,12 @@ def _fields(path: FilePath, *, arrays: bool) -> Iterator[tuple[str, str]]:
                         yield f"plan.{key}", digest
                 elif arrays:
                     yield name, _of_array(file[name])
-    elif path.suffix == ".zarr":
-        group = zarr_group(path)
-        for key, digest in _of_values(unsealed(group.attrs.asdict())):
-            yield f"attributes.{key}", digest
-        with zarr_metadata():
-            named_arrays = sorted(group.arrays()) if arrays else ()
-        for name, array in named_arrays:
-            try:
-                yield name, _of_array(array)
-            except UNREADABLE:
-                yield name, "unreadable"
+    elif path.name in ARRAY_FOLDERS:
+        for key, digest in _of_values(read_head(path)):
+            yield f"head.{key}", digest
+        for file in sorted(path.iterdir()) if arrays else ():
+            if file.name != HEAD:
+                yield file.name, _of_bytes(file)
     else:
         yield FILE_CONTENT, _of_bytes(path)
 
@@ -209,22 +191,9 @@ def _of_text(text: str) -> str:
     return sha256(text.encode()).hexdigest()
 
 
-def _of_array(array: Any) -> str:
-    digest = sha256(
-        f"{array.dtype.str if isinstance(array, np.ndarray) else array.dtype} "
-        f"{array.shape}".encode()
-    )
-    if not array.shape:
-        digest.update(np.asarray(array[()]).tobytes())
-        return digest.hexdigest()
-    # Whole chunks: each is unpacked once.
-    rows = (
-        DIGEST_ROWS
-        if isinstance(array, np.ndarray)
-        else array.chunks[0] * -(-DIGEST_ROWS // array.chunks[0])
-    )
-    for start in range(0, array.shape[0], rows):
-        digest.update(np.ascontiguousarray(array[start : start + rows]).tobytes())
+def _of_array(array: NDArray[Any]) -> str:
+    digest = sha256(f"{array.dtype.str} {array.shape}".encode())
+    digest.update(np.ascontiguousarray(array).data if array.size else b"")
     return digest.hexdigest()
 
 

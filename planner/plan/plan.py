@@ -33,13 +33,14 @@ from foldback.planner.motion.angle_encoding import (
     with_plain_angles,
 )
 from foldback.planner.motion.motion import FRAME_COLUMNS, PHASES, WINDOW_COLUMNS, Columns, Motion
-from foldback.planner.motion.record import Record, save_npz
+from foldback.planner.motion.record import Record
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.plan.claim import claim_of
 from foldback.planner.plan.rests import rest_frames
 from foldback.planner.playback.playback import Playback
 from foldback.planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD, Unfolding
 from foldback.planner.shapes.likeness import Likeness
+from foldback.planner.storage.array_files import save_npz
 from foldback.planner.storage.files import write_whole
 from foldback.planner.storage.plain_values import array_from, from_plain
 

@@ -18,7 +18,7 @@ from foldback.planner.errors import InputError
 from foldback.planner.motion.angle_encoding import packed_frames, unpacked_frames
 from foldback.planner.motion.inverse_dynamics import inverse_dynamics
 from foldback.planner.motion.motion import Angles, Motion
-from foldback.planner.motion.record import Record, save_npz
+from foldback.planner.motion.record import Record
 from foldback.planner.parameters.playback import PlaybackParameters
 from foldback.planner.playback.chain_run import PlaybackStatus, Run
 from foldback.planner.playback.kinematic_playback import kinematic_frames, rests_between_places
@@ -29,6 +29,7 @@ from foldback.planner.playback.unfolding import Unfolding
 from foldback.planner.playback.window_trajectory import FRAME_RAD, WindowTrajectory
 from foldback.planner.progress import Cancelled, Report, never, silent
 from foldback.planner.reasons import Reason
+from foldback.planner.storage.array_files import save_npz
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,1 +1,1 @@
-"""Storage: names of files, whole writes, checked zarr groups, and directories of output."""
+"""Storage: names of files, whole writes, checked array files, and directories of output."""

@@ -1,4 +1,4 @@
-"""Files that are either whole or not there, and zarr groups."""
+"""Files that are either whole or not there."""
 
 from __future__ import annotations
 
@@ -10,17 +10,11 @@ import os
 import secrets
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
-from importlib import import_module
 from pathlib import Path as FilePath
 from shutil import rmtree
 from tempfile import TemporaryFile
-from threading import Lock
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
-if TYPE_CHECKING:
-    import zarr
-
-_LOADING: Final = Lock()
 READ_ONLY_ERRORS: Final = frozenset({errno.EROFS, errno.EACCES, errno.EPERM})
 """Error numbers (errno) that mean, when a file is written, that the disk is read-only or permission
 is missing."""
@@ -30,8 +24,7 @@ separators."""
 MAX_FILE_BYTES: Final = 64 << 20
 """Maximum size of an input file, in bytes."""
 TEMPORARY_SUFFIX: Final = ".partial"
-"""Suffix of the name of a file or directory while it is written; it is renamed when complete. The
-zarr library uses the same suffix."""
+"""Suffix of the name of a file or directory while it is written; it is renamed when complete."""
 
 
 def temporary_path(path: FilePath) -> FilePath:
@@ -112,55 +105,29 @@ def write_sealed_json(path: FilePath, values: object) -> None:
     write_whole(path, _seal_of(text) + text)
 
 
+def unsealed_json(data: bytes) -> dict[str, Any]:
+    """Return the object in a file from ``write_sealed_json``.
+
+    Raises:
+        ValueError, RecursionError: It is damaged.
+    """
+    seal, text = data[:SEAL_BYTES], data[SEAL_BYTES:]
+    if seal != _seal_of(text):
+        raise ValueError("the file's contents do not match their digest")
+    return dict(json.loads(text))
+
+
 def sealed_json_of(path: FilePath) -> dict[str, Any]:
     """Return an object from ``write_sealed_json``; an empty one if it is missing or damaged."""
     try:
-        data = path.read_bytes()
-        seal, text = data[:SEAL_BYTES], data[SEAL_BYTES:]
-        value = json.loads(text) if seal == _seal_of(text) else {}
+        return unsealed_json(path.read_bytes())
     except (OSError, ValueError, RecursionError):
         return {}
-    return value if isinstance(value, dict) else {}
 
 
 def _seal_of(text: bytes) -> bytes:
     """Return the line before sealed JSON."""
     return f"sha256 {hashlib.sha256(text).hexdigest()}\n".encode()
-
-
-def zarr_group(path: str | FilePath) -> zarr.Group:
-    """Open the zarr group at a path for reading.
-
-    Its chunks are not checked: ``planner.storage.checked_zarr`` does that.
-
-    Raises:
-        ValueError: Its metadata cannot be read.
-    """
-    with zarr_metadata():
-        return load_zarr().open_group(str(path), mode="r")
-
-
-@contextmanager
-def zarr_metadata() -> Generator[None]:
-    """Read metadata of zarr in a context in which its errors are of the kinds in ``UNREADABLE``.
-
-    Raises:
-        ValueError: Metadata have a wrong type, for which zarr raises a TypeError, too.
-    """
-    try:
-        yield
-    except (TypeError, AttributeError) as error:
-        raise ValueError(f"zarr metadata cannot be read: {error}") from error
-
-
-def load_zarr() -> Any:
-    """Import zarr on first use; it takes a while to load.
-
-    Its modules import each other in circles, which two threads that begin at once would break.
-    """
-    with _LOADING:
-        import_module("zarr.codecs")
-    return import_module("zarr")
 
 
 def settle(directory: FilePath) -> None:

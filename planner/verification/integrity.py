@@ -1,8 +1,8 @@
 """Integrity: comparison of a finished fold's files with the files as they were written.
 
 Each file is compared when it is first used, and again when it has changed on disk. Timelines and
-figures carry checksums of their own (``planner.storage.checked_zarr``), which need no unpacking;
-all other files are compared with the manifest.
+figures carry checksums of their own (``planner.storage.array_files``); all other files are compared
+with the manifest.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from foldback.planner.pipeline.manifest import (
     digests_of_texts,
     read_manifest,
 )
-from foldback.planner.storage.checked_zarr import check_chunks, read_group
-from foldback.planner.storage.file_names import DERIVED_FILES
+from foldback.planner.storage.array_files import check_folder
+from foldback.planner.storage.file_names import ARRAY_FOLDERS, DERIVED_FILES
 
 _RESULTS: Final[dict[FilePath, tuple[object, str | None]]] = {}
 _LOCK: Final = threading.Lock()
@@ -77,8 +77,8 @@ def _reason(directory: FilePath, name: str) -> str | None:
         if not path.exists():
             may_be_missing = digests is None or name in DERIVED_FILES
             return None if may_be_missing else "the file is missing"
-        if path.suffix == ".zarr":
-            return _reason_of_group(path, digests)
+        if name in ARRAY_FOLDERS:
+            return _reason_of_folder(path, digests)
         if digests is not None:
             return _reason_by_digest(directory, name, digests[name])
         return _reason_by_itself(path)
@@ -88,17 +88,12 @@ def _reason(directory: FilePath, name: str) -> str | None:
         return f"{type(error).__name__}: {error}"
 
 
-def _reason_of_group(path: FilePath, digests: Digests | None) -> str | None:
-    check_chunks(path)
-    identity = None if digests is None else digests[path.name].get("attributes.id")
-    if identity is None:
+def _reason_of_folder(path: FilePath, digests: Digests | None) -> str | None:
+    text = json.dumps(check_folder(path).get("id"))
+    identity = None if digests is None else digests[path.name].get("head.id")
+    if identity in (None, digests_of_texts({"id": text})["id"]):
         return None
-    text = json.dumps(read_group(path).attrs.asdict().get("id"))
-    return (
-        None
-        if digests_of_texts({"id": text})["id"] == identity
-        else "the file belongs to another fold"
-    )
+    return "the file belongs to another fold"
 
 
 def _reason_by_digest(directory: FilePath, name: str, stated: dict[str, str]) -> str | None:
@@ -138,7 +133,7 @@ def _stamp(path: FilePath) -> object:
     """Return what changes whenever a file, or a file in a directory, is written."""
     try:
         stat = path.stat()
-        if path.suffix != ".zarr":
+        if path.name not in ARRAY_FOLDERS:
             return (stat.st_ino, stat.st_mtime_ns, stat.st_size)
         return hash(tuple(_stamps_below(str(path))))
     except OSError:

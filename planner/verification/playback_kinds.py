@@ -77,12 +77,12 @@ def _simulated_figures(plan: Plan, playback: Playback) -> Differences:
     moves = reference.steps(plan.chain)[0].any()
     if not np.isfinite(played.errors).all():
         yield (
-            "timeline.zarr joint errors: got undefined numbers, expected the errors of a simulated "
+            "the timeline's joint errors: got undefined numbers, expected those of a simulated "
             "robot"
         )
     if moves and np.array_equal(played.angles_rad, reference.angles_rad):
         yield (
-            "timeline.zarr joint angles: got exactly those of plan.npz, expected those of a "
+            "the timeline's joint angles: got exactly those of plan.npz, expected those of a "
             "simulation, which always differ"
         )
 

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
-from typing import Any, Final, cast
+from typing import Any, Final
 
 import numpy as np
 
+from foldback.planner.certificate.figures_store import Curves
 from foldback.planner.certificate.frame_figures import write_figures
 from foldback.planner.certificate.table_forces import TableForces
 from foldback.planner.errors import UNREADABLE, InputError, PlannerError
@@ -43,7 +44,7 @@ from foldback.planner.storage.file_names import (
     REQUEST,
     TIMELINE,
 )
-from foldback.planner.storage.files import json_of, zarr_group, zarr_metadata
+from foldback.planner.storage.files import json_of
 from foldback.planner.verification.origin import own_attempt
 from foldback.planner.verification.plan_parameters import plan_parameters
 
@@ -193,18 +194,12 @@ def plots_differ(directory: FilePath, plan: Plan, notes: list[str]) -> Differenc
 
 def _curves_differ(stored: FilePath, recomputed: FilePath) -> Differences:
     """Yield the differences of the curves of the plots."""
-    stored_group, recomputed_group = zarr_group(stored), zarr_group(recomputed)
+    stored_curves, recomputed_curves = Curves.load(stored), Curves.load(recomputed)
     for name in RECOMPUTED_CURVES:
-        if name not in recomputed_group:
-            continue
-        if name not in stored_group:
-            yield f"{FIGURES} {name}: got nothing, expected this curve"
-            continue
-        with zarr_metadata():
-            actual, expected = (
-                np.asarray(cast("Any", group[name])[:], dtype=np.float64)
-                for group in (stored_group, recomputed_group)
-            )
+        actual, expected = (
+            np.asarray(getattr(curves, name), dtype=np.float64)
+            for curves in (stored_curves, recomputed_curves)
+        )
         if actual.shape != expected.shape or not np.allclose(
             actual,
             expected,
@@ -212,7 +207,7 @@ def _curves_differ(stored: FilePath, recomputed: FilePath) -> Differences:
             atol=1e-6,
             equal_nan=True,  # they are in single precision
         ):
-            yield f"{FIGURES} {name}: the curve is not that of timeline.zarr"
+            yield f"{FIGURES} {name}: the curve is not that of the timeline"
 
 
 def _moments_differ(

@@ -183,10 +183,10 @@ def _snapshots(record: Record, plan: Plan) -> Differences:
 
 def _same_motion(actual: Motion, expected: Motion, name: str) -> Differences:
     if actual.layout != expected.layout:
-        yield f"{name}: its frames and those of timeline.zarr have different layouts"
+        yield f"{name}: its frames and those of the timeline have different layouts"
         return
     expected_columns = expected.columns()
-    message = f"{name} and timeline.zarr differ in"
+    message = f"{name} and the timeline differ in"
     for column, values in actual.columns().items():
         single = SINGLE_PRECISION_ATOL_RAD if column == "joint_error_rad" else 0.0
         if column not in expected_columns:

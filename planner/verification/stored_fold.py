@@ -135,7 +135,7 @@ def _timeline_differs(timeline: Timeline, plan: Plan) -> Differences:
         times_s, phases = timeline.clock()
         played_s = times_s[phases != PHASES.index("explosion")]
         yield from array_difference(
-            played_s - played_s[:1], plan.time_s, "timeline.zarr and plan.npz differ in time_s"
+            played_s - played_s[:1], plan.time_s, "the timeline and plan.npz differ in time_s"
         )
 
 
@@ -146,5 +146,5 @@ def _chains_differ(directory: FilePath) -> Differences:
         stated = json.loads(chain.read_bytes())
         attributes = chain_attributes(Timeline.open(timeline).chain)
         yield from value_differences(
-            attributes, stated, f"timeline.zarr and {names.CHAIN} differ in chain"
+            attributes, stated, f"the timeline and {names.CHAIN} differ in chain"
         )

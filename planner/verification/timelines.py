@@ -1,4 +1,4 @@
-"""Timelines of plans: a comparison of ``timeline.zarr`` with the plan, and its results."""
+"""Timelines of plans: a comparison of the timeline with the plan, and its results."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def chain_differs(timeline: Timeline, plan: Plan) -> Differences:
     stuck = plan.explosion is not None and plan.explosion["status"] != "straight"
     status = "failed" if stuck else "complete"
     if timeline.status != status:
-        yield f"timeline.zarr: got the status {timeline.status}, expected {status}"
+        yield f"the timeline: got the status {timeline.status}, expected {status}"
     expected = chain_attributes(plan.chain)
     if timeline.windowed:
         del expected["joint_names"]  # which those of long chains leave out
@@ -71,19 +71,19 @@ def results(plan: Plan, frames: Motion) -> tuple[Record | None, Playback | None]
         if len(played) != len(plan.time_s):
             raise InputError(
                 "wrong-timeline",
-                f"got {len(played)} frames of playback in timeline.zarr, expected "
+                f"got {len(played)} frames of playback in the timeline, expected "
                 f"{len(plan.time_s)} as in plan.npz.",
             )
         if not np.array_equal(played.phase, plan.phase):
             raise InputError(
-                "wrong-timeline", "the phases in timeline.zarr are not those of plan.npz."
+                "wrong-timeline", "the phases in the timeline are not those of plan.npz."
             )
         simulated = plan.playback.get("kind") == "dynamic"
         if plan.motion.is_windowed:
             agrees = played.has_windows_of if simulated else played.passes_as
             if not agrees(plan.motion):
                 raise InputError(
-                    "wrong-timeline", "the playback in timeline.zarr is not the motion of plan.npz."
+                    "wrong-timeline", "the playback in the timeline is not the motion of plan.npz."
                 )
         kinematic = plan.motion.is_windowed and not simulated
         reference = None if kinematic else plan.motion.stored_angles_rad
@@ -145,7 +145,7 @@ def _arguments(figures: Mapping[str, Any]) -> dict[str, Any]:
 def playback_differs(plan: Plan, playback: Playback) -> Differences:
     """Yield the differences of the playback in the timeline from that of the plan."""
     played, motion = playback.frames, plan.motion
-    message = "timeline.zarr and plan.npz differ in"
+    message = "the timeline and plan.npz differ in"
     columns = played.columns() | {"time_s": played.time_s - played.time_s[:1]}
     planned = motion.columns()
     names = [name for name in ("time_s", *_ROOT, "base_position", "base_wxyz") if name in columns]
@@ -169,7 +169,7 @@ def playback_differs(plan: Plan, playback: Playback) -> Differences:
         name, errors = "joint_error_rad", played.joint_error_rad
     expected = np.abs(played.angles_rad - motion.angles_rad).reshape(errors.shape)
     yield from array_difference(
-        errors, expected, f"timeline.zarr {name}", atol=SINGLE_PRECISION_ATOL_RAD
+        errors, expected, f"the timeline's {name}", atol=SINGLE_PRECISION_ATOL_RAD
     )
 
 

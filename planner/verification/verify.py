@@ -74,7 +74,7 @@ only counted."""
 REPORTED_ONLY: Final = (
     "Reported only, that is neither computed again nor compared with another file: versions, wall "
     "times (seconds), request.json filename where the input itself states a name, pushes and "
-    "retries in record.npz, the values for single modules and hinges in figures.zarr and "
+    "retries in record.npz, the values for single modules and hinges in the figures and "
     "table.npz, and files besides those of the plan (plans, pictures, tours, own values)."
 )
 """Note that names the values which no check covers."""
@@ -137,7 +137,7 @@ def verify(
     """Check the plan in a directory by exact kinematics and by a replay in plain MuJoCo.
 
     Args:
-        directory: Directory with ``plan.json``, ``plan.npz``, ``model.xml``, ``timeline.zarr``, and
+        directory: Directory with ``plan.json``, ``plan.npz``, ``model.xml``, ``timeline``, and
             other files of the fold's stages.
         module_size: Another size than the plan's own.
         third_opinion: Let ipctk look at the motion as well.
@@ -185,11 +185,11 @@ def _verified(
     plan = Plan.of_values(npz, PLAN)
     findings.look("plan.json and plan.npz hold the same data", formats_differ(plan, npz, text))
     timeline, frames = opened(directory / TIMELINE)
-    findings.look("timeline.zarr belongs to this chain", chain_differs(timeline, plan))
+    findings.look("the timeline belongs to this chain", chain_differs(timeline, plan))
     record, playback = _results(directory, plan, frames, findings.notes)
     findings.look("plan.npz is complete", lacking(plan, npz, record, playback))
     if playback is not None:
-        findings.look("timeline.zarr shows the plan's playback", playback_differs(plan, playback))
+        findings.look("the timeline shows the plan's playback", playback_differs(plan, playback))
         findings.look(
             "the plan states correctly whether the playback was simulated",
             kind_differs(plan, playback),
@@ -237,7 +237,7 @@ def _verified(
                 smoothing_differs(directory, plan),
             )
         findings.look(
-            "moments.json and the curves in figures.zarr were computed again and match",
+            "moments.json and the curves of the plots were computed again and match",
             plots_differ(directory, plan, findings.notes),
         )
     opinion = _opinion(directory, npz, certificate, findings) if third_opinion else None

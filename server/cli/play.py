@@ -161,7 +161,7 @@ def create_player_app(
 
 
 def play(
-    directory: Annotated[Path, typer.Argument(help="Directory of a fold, with timeline.zarr.")],
+    directory: Annotated[Path, typer.Argument(help="Directory of a fold, with its timeline.")],
     host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port to listen on; 0 picks a free one.")] = 0,
     browser: Annotated[bool, typer.Option(help="Open a browser.")] = True,

@@ -22,7 +22,7 @@ from foldback.cli.options import AsJson
 from foldback.planner.errors import InputError, PlannerError
 from foldback.planner.pipeline.derived_files import completed
 from foldback.planner.pipeline.fold_layout import holds_fold, result_path
-from foldback.planner.plan.packed_fold import unpack
+from foldback.planner.pipeline.packed_fold import unpack
 from foldback.planner.storage.file_names import TIMELINE
 from foldback.planner.storage.output_directory import replacing_listed
 from foldback.planner.verification.stored_fold import check_fold

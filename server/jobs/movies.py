@@ -18,6 +18,7 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.storage.array_files import HEAD
 from foldback.planner.storage.file_names import TIMELINE
 from foldback.planner.verification.integrity import check
 from foldback.server.errors import Conflict, NoSuch, NotFound, TooMany, Unavailable
@@ -94,7 +95,7 @@ class Movies:
                 status=row.status,
             )
         check(self._store.directory(fold_id), TIMELINE)
-        if not (result_path(self._store.directory(fold_id), TIMELINE) / "zarr.json").is_file():
+        if not (result_path(self._store.directory(fold_id), TIMELINE) / HEAD).is_file():
             raise NotFound(
                 "no-such-artifact", "This fold has no frames, so it cannot have a movie."
             )

@@ -192,7 +192,7 @@ def _stages() -> Task:
     from foldback.planner.pipeline.derived_files import complete
     from foldback.planner.pipeline.stages import run_stage
 
-    _load(*COMPUTING_LIBRARIES, MESH_LIBRARY, "zarr.codecs")
+    _load(*COMPUTING_LIBRARIES, MESH_LIBRARY)
 
     def run(request: Request, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
         stage, directory, _ = request
@@ -287,7 +287,7 @@ def _movies() -> Task:
     from foldback.web.movies.movie import Movie
     from foldback.web.movies.renderer import NoGLError
 
-    _load("mujoco", "zarr.codecs")
+    _load("mujoco")
 
     def run_movie(request: Request, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
         backend, directory, _ = request

@@ -80,13 +80,11 @@ def _keep_temporary_files(place: Path) -> None:
 
 
 def end_threads() -> None:
-    """End the threads of libraries, which would not be confined; they start new ones.
+    """Wait for the end of all other threads, which would not be confined.
 
     Raises:
         RuntimeError: If other threads remain.
     """
-    if "zarr.core.sync" in sys.modules:
-        sys.modules["zarr.core.sync"].cleanup_resources()
     for thread in threading.enumerate():
         if thread is not threading.current_thread():
             thread.join(THREAD_EXIT_S)

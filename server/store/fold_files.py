@@ -7,7 +7,6 @@ copies of the files of the last published epoch.
 
 from __future__ import annotations
 
-import json
 import os
 import secrets
 import shutil
@@ -19,7 +18,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from foldback.planner.errors import UNREADABLE
+from foldback.planner.errors import UNREADABLE, TimelineError
+from foldback.planner.motion.timeline import frames_on_disk
 from foldback.planner.pipeline.fold_layout import result_path
 from foldback.planner.storage.file_names import TIMELINE
 from foldback.planner.storage.files import written_aside
@@ -368,7 +368,6 @@ def _movie_key(fold_id: str, name: str) -> str:
 def frames_promised(directory: Path) -> int:
     """Return the number of frames that a fold's timeline states; 0 if there is none."""
     try:
-        attributes = (result_path(directory, TIMELINE) / "zarr.json").read_bytes()
-        return int(json.loads(attributes)["attributes"]["frames"])
-    except UNREADABLE:
+        return frames_on_disk(result_path(directory, TIMELINE))
+    except (TimelineError, *UNREADABLE):
         return 0

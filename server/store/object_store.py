@@ -18,14 +18,16 @@ from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, TypeVar
 
-from foldback.planner.storage.files import write_whole, written_aside
+from foldback.planner.storage.array_files import HEAD
+from foldback.planner.storage.file_names import TIMELINE
+from foldback.planner.storage.files import unsealed_json, write_whole, written_aside
 from foldback.server.settings import Settings
 
 if TYPE_CHECKING:  # the extra `storage`
     from obstore.store import ObjectStore
 
-TIMELINE_HEAD: Final = "timeline.zarr/zarr.json"
-"""Metadata file with the number of frames of a stored motion. It is uploaded after the frames, and
+TIMELINE_HEAD: Final = f"{TIMELINE}/{HEAD}"
+"""File that lists the frames of a stored motion. It is uploaded after the frames, and
 fetched copies get it last, so that a reader finds every frame that it counts."""
 LOCAL_DIRS: Final = frozenset({"exports"})
 """Subdirectories of a fold's directory that are not copied to the object store, as each machine
@@ -417,5 +419,8 @@ def _write_whole(path: Path, data: bytes) -> None:
 
 
 def _identity(head: bytes | None) -> str | None:
-    """Return the id of the timeline in its metadata."""
-    return None if head is None else json.loads(head)["attributes"].get("id")
+    """Return the id of a timeline with this head; None if there is none, or it is damaged."""
+    try:
+        return None if head is None else unsealed_json(head).get("id")
+    except (ValueError, RecursionError):
+        return None

@@ -17,8 +17,8 @@ from typing import Any, Final
 import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError
 
+from foldback.planner.pipeline.packed_fold import unpack
 from foldback.planner.pipeline.request import FoldRequest
-from foldback.planner.plan.packed_fold import unpack
 from foldback.planner.readers.gallery import Gallery
 from foldback.planner.storage.files import settle
 from foldback.server.files.uploads import Upload

@@ -44,7 +44,7 @@ SMALL = {"width": 480, "height": 480}
 def test_view_shows_figures_and_the_path_and_rests(
     visit: Visit, service: Service, wrench: str
 ) -> None:
-    figures = Figures.load(service.directory(wrench) / "figures.zarr")
+    figures = Figures.load(service.directory(wrench) / "figures")
     page = wait_for_view(visit(f"/folds/{wrench}", script=SLOW_VIEW, **SMALL))
     seek(page, int(np.nanargmax(figures.peak_torque_nm)))
     menu = page.locator("#colour-by")

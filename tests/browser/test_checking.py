@@ -45,7 +45,7 @@ def test_fold_is_checked_and_broken_on_purpose(visit: Visit, finished: FinishedF
 
     check_in_page(check)
     check.get_by_role("button", name="Tightest place").click()
-    frames = len(Timeline.open(finished.directory / "timeline.zarr").frames())
+    frames = len(Timeline.open(finished.directory / "timeline").frames())
     match = re.match(r"Frame (\d+) of", page.locator("#r-frame").inner_text())
     assert match and frames - plan.frames < int(match[1]) <= frames
     assert len(page.evaluate("foldback.player.marked")) == 2

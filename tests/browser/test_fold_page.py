@@ -66,14 +66,14 @@ def test_fold_is_inspected(visit: Visit, service: Service, wrench: str, view: bo
     expect(page.locator("#stuck")).to_be_hidden()
     assert "#" not in page.url  # the link has no state before the first action
     directory = service.directory(wrench)
-    timeline = Timeline.open(directory / "timeline.zarr")
+    timeline = Timeline.open(directory / "timeline")
     frames, chain = timeline.frames(), timeline.chain
 
     # Scrub: the picture is red where an error is recorded, if colours show errors.
     colours = page.locator("#colour-by")
     expect(colours).to_have_value("chain")
     colours.select_option("error")
-    largest = np.nan_to_num(Figures.load(directory / "figures.zarr").max_error_rad)
+    largest = np.nan_to_num(Figures.load(directory / "figures").max_error_rad)
     explosion = int(np.flatnonzero(frames.phase == 0)[len(frames) // 8])
     high = int(np.argmax(largest))
     seek(page, high)

@@ -25,7 +25,7 @@ def page(service: Service, wrench: str) -> Iterator[Page]:
 
 @pytest.fixture(scope="module")
 def figures(service: Service, wrench: str) -> Figures:
-    return Figures.load(service.directory(wrench) / "figures.zarr")
+    return Figures.load(service.directory(wrench) / "figures")
 
 
 def test_frame_is_typed(page: Page) -> None:

@@ -21,9 +21,9 @@ LAST = 59
 @pytest.mark.filterwarnings(QUEUED)
 def test_viser_server_scrubs_selects_and_plays(browser: Browser, tmp_path: Path) -> None:
     chain = chain_of(SNAKE, name="<b>snake</b>")
-    with TimelineWriter.create(tmp_path / "timeline.zarr", chain) as writer:
+    with TimelineWriter.create(tmp_path / "timeline", chain) as writer:
         writer.append(folding(chain, LAST + 1))
-    with show(tmp_path / "timeline.zarr", port=0) as shown_fold:
+    with show(tmp_path / "timeline", port=0) as shown_fold:
         page = browser.new_page(viewport={"width": 800, "height": 360})
         page.goto(shown_fold.url)
         expect(page.get_by_text(f"Frame 1 of {LAST + 1}")).to_be_visible()

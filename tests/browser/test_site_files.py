@@ -8,7 +8,7 @@ from urllib.parse import unquote, urldefrag
 import pytest
 from playwright.sync_api import Browser, expect
 
-from foldback.planner.plan.packed_fold import unpack
+from foldback.planner.pipeline.packed_fold import unpack
 from foldback.server.cli.site import site
 from foldback.server.submission.shipped_folds import SHIPPED_FOLDS_DIR
 from tests.browser.conftest import MEDIA, open_tab

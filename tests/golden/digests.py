@@ -5,17 +5,21 @@ Wall times and versions are left out, since they change from run to run or betwe
 
 import json
 from collections.abc import Iterator
+from dataclasses import fields
 from hashlib import sha256
 from pathlib import Path as FilePath
 from typing import Any, Final, cast
 
 import numpy as np
 
-from foldback.planner.storage.files import zarr_group
+from foldback.planner.certificate.figures_store import Curves, Figures
+from foldback.planner.motion.timeline import Timeline
+from foldback.planner.storage.array_files import read_head
+from foldback.planner.storage.file_names import FIGURES, TIMELINE
 
 RESULTS: Final = (
     *("chain.json", "attempts.json", "record.npz", "playback.npz", "certificate.json"),
-    *("table.npz", "timeline.zarr", "plan.npz", "plan.json", "model.xml", "figures.zarr"),
+    *("table.npz", "timeline", "plan.npz", "plan.json", "model.xml", "figures"),
 )
 """Files of a fold's directory that hold results."""
 DIGEST_LENGTH: Final = 12
@@ -90,11 +94,16 @@ def _parts(path: FilePath) -> Iterator[tuple[str, str]]:
                         yield f"plan.{part}", digest
                 elif name != WALL_TIME:
                     yield name, _digest_of_array(file[name])
-    elif path.suffix == ".zarr":
-        group = zarr_group(path)
-        yield from _parts_of_values(cast("Values", group.attrs.asdict()))
-        for name, array in sorted(group.arrays()):
-            yield name, _digest_of_array(np.asarray(array[...]))
+    elif path.name == TIMELINE:
+        timeline = Timeline.open(path)
+        yield from _parts_of_values({"chain": timeline.chain_data, "status": timeline.status})
+        for name, array in timeline.motion().columns().items():
+            yield name, _digest_of_array(array)
+    elif path.name == FIGURES:
+        kind = Figures if read_head(path)["ends"] else Curves
+        figures = kind.load(path)
+        for field in fields(kind):
+            yield field.name, _digest_of_array(getattr(figures, field.name))
     else:
         yield "content", _digest(path.read_bytes())
 

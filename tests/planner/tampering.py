@@ -9,22 +9,24 @@ from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
-import zarr
 
 from foldback.planner.pipeline.manifest import write_manifest
-from foldback.planner.storage import checked_zarr
-from foldback.planner.storage.checked_zarr import checksums_of, open_for_writing
+from foldback.planner.storage.array_files import read_head, save_npz, write_head
 
-ZARR = ("timeline.zarr", "figures.zarr")
 SMALLEST = 1e-6
 """Minimum relative change of a number; it exceeds every tolerance."""
 Random = np.random.Generator
 
 
-def reseal(path: FilePath) -> None:
-    """Recompute the checksums of a zarr group."""
-    group, arrays = open_for_writing(path)
-    group.attrs.put(checked_zarr.sealed(group.attrs.asdict(), checksums_of(path, arrays)))
+def edit_folder(folder: FilePath, edit: Callable[[dict[str, Any]], None]) -> None:
+    """Change the arrays of each file in an array folder, with new checksums."""
+    head = read_head(folder)
+    for name in head["files"]:
+        with np.load(folder / name, allow_pickle=False) as file:
+            arrays = dict(file)
+        edit(arrays)
+        head["files"][name] = save_npz(folder / name, arrays)
+    write_head(folder, head)
 
 
 @dataclass(frozen=True)
@@ -61,8 +63,6 @@ class Tampered:
         """Make a random change, with new digests; yield None if there was nothing to change."""
         change = KINDS[random.integers(len(KINDS))](self.place, random)
         if change is not None:
-            for name in (name for name in change.files if name in ZARR):
-                reseal(self.place / name)
             write_manifest(self.place)
         try:
             yield change
@@ -180,23 +180,28 @@ def stage_array(place: FilePath, random: Random) -> Change:
 
 
 def timeline_array(place: FilePath, random: Random) -> Change:
-    group = zarr.open_group(str(place / "timeline.zarr"), mode="r+")
-    arrays = sorted(key for key, array in group.arrays() if array.size)
-    key = arrays[random.integers(len(arrays))]
-    array: Any = group[key]
-    array[:] = changed_array(array[:], random)
-    return Change("value in zarr", ("timeline.zarr",), key)
+    files = read_head(place / "timeline")["files"]
+    chosen, seen, hit = random.integers(len(files)), iter(range(len(files))), ""
+
+    def edit(arrays: dict[str, Any]) -> None:
+        nonlocal hit
+        if next(seen) == chosen:
+            keys = [key for key, array in arrays.items() if array.size]
+            hit = keys[random.integers(len(keys))]
+            arrays[hit] = changed_array(arrays[hit], random)
+
+    edit_folder(place / "timeline", edit)
+    return Change("value in timeline", ("timeline",), hit)
 
 
 def timeline_attribute(place: FilePath, random: Random) -> Change | None:
-    group = zarr.open_group(str(place / "timeline.zarr"), mode="r+")
-    values = group.attrs.asdict()
+    values = read_head(place / "timeline")
     at = one_leaf(values, random)
     if at == ("id",):  # random, so that pages detect another timeline
         return None
     set_leaf(values, at, other_value(get_leaf(values, at), random))
-    group.attrs.put(values)
-    return Change("attribute in zarr", ("timeline.zarr",), str(at))
+    write_head(place / "timeline", values)
+    return Change("head of timeline", ("timeline",), str(at))
 
 
 NUMBER = re.compile(r'(?<=[" ])-?\d+(?:\.\d+)?(?:e-?\d+)?(?=[" ])')
@@ -309,4 +314,4 @@ KINDS: tuple[Kind, ...] = (
     *(change_all_copies, change_all_copies, remove_field),
     *(timeline_array, timeline_attribute, stage_array, model),
 )
-"""Random changes. figures.zarr is not among them, as only digests protect it."""
+"""Random changes. figures is not among them, as only digests protect it."""

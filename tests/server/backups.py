@@ -76,9 +76,9 @@ class Site:
     def add(self, fold_id: str, content: bytes = b"cells of ") -> None:
         """Add a queued fold with files."""
         directory = self.data_dir / f"aside-{fold_id}"
-        (directory / "timeline.zarr").mkdir(parents=True)
+        (directory / "timeline").mkdir(parents=True)
         (directory / "input").write_bytes(content + fold_id.encode())
-        (directory / "timeline.zarr" / "zarr.json").write_bytes(b'{"attributes": {}}')
+        (directory / "timeline" / "head.json").write_bytes(b"{}")
         copy_schema(self.settings)
         with closing(Store(self.settings)) as store:
             store.add(a_fold(fold_id, status="queued"), SOMEBODY)

@@ -58,7 +58,7 @@ def _between(chain: Chain, phase: str, share: np.ndarray, start_s: float) -> Mot
 @pytest.fixture(scope="session")
 def timeline_path(chain: Chain, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Path of a complete timeline: 100 frames of explosion, 100 of playback."""
-    path = tmp_path_factory.mktemp("timeline") / "timeline.zarr"
+    path = tmp_path_factory.mktemp("timeline") / "timeline"
     with TimelineWriter.create(path, chain) as writer:
         writer.append(unfolding(chain, 100))
         writer.append(folding(chain, 100))
@@ -99,7 +99,7 @@ def _fold(directory: Path, data: bytes, **options: str) -> Path:
 @pytest.fixture
 def growing(chain: Chain, tmp_path: Path) -> Growing:
     """Path of a timeline with ten frames, its writer, and a function that adds more."""
-    path = tmp_path / "timeline.zarr"
+    path = tmp_path / "timeline"
     writer = TimelineWriter.create(path, chain)
 
     def add(count: int) -> None:

@@ -53,7 +53,7 @@ def test_files_are_sandboxed_downloads_and_made_once(service: Service, wrench: s
 
 def test_recording_is_read_by_viser(service: Service, wrench: str) -> None:
     timed, buffers = opened_scene(service.http.get(f"/folds/{wrench}/recording.viser").content)
-    timeline = Timeline.open(service.directory(wrench) / "timeline.zarr")
+    timeline = Timeline.open(service.directory(wrench) / "timeline")
     places = [
         (t, m["updates"]["batched_positions"])
         for t, m in timed

@@ -305,7 +305,7 @@ def cases(timeline_path: Path, peeled: Path, tmp_path_factory: pytest.TempPathFa
         "shipped": [stored(name) for name in SHIPPED],
         "quantities": quantities(),
         "timeline": timeline(timeline_path),
-        "peeled": timeline(peeled / "timeline.zarr"),
+        "peeled": timeline(peeled / "timeline"),
     }
     path = tmp_path_factory.mktemp("javascript") / "vectors.json"
     path.write_text(json.dumps(vectors, allow_nan=False), encoding="utf-8")

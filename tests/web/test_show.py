@@ -182,7 +182,7 @@ def test_plan_is_posed_as_its_timeline(tmp_path: Path) -> None:
     directory = tmp_path / "folded"
     plan = fold(snake((2, 2, 3)), directory=directory)
     with show(plan, port=0) as shown_plan, show(directory, port=0) as shown_directory:
-        first = int(np.argmax(Timeline.open(directory / "timeline.zarr").frames().phase))
+        first = int(np.argmax(Timeline.open(directory / "timeline").frames().phase))
         assert shown_directory._playhead.last == first + shown_plan._playhead.last
         assert shown_plan._controls.text.content.startswith("**Frame 1 of")
         for frame in (0, shown_plan._playhead.last // 2, shown_plan._playhead.last):
@@ -215,9 +215,9 @@ def test_fold_on_a_table_has_its_table_until_another_is_shown(tmp_path: Path) ->
 
 
 def test_windows_are_posed_as_their_timeline(peeled: Path) -> None:
-    timeline = Timeline.open(peeled / "timeline.zarr")
+    timeline = Timeline.open(peeled / "timeline")
     moments = MotionMoments(timeline.chain, timeline.motion())
-    view = TimelineView(peeled / "timeline.zarr")
+    view = TimelineView(peeled / "timeline")
     assert timeline.windowed and len(moments) == len(view)
     assert moments.error_scale_rad == view.error_scale_rad
     for frame in np.linspace(0, len(view) - 1, 7).round():

@@ -42,9 +42,9 @@ def test_plan_is_in_the_page_and_proved_from_there(
     simulated: bool, peeled: Path, kinematic: Path, tmp_path: Path
 ) -> None:
     plan = (peeled if simulated else kinematic) / "plan.npz"
-    timeline = peeled / "timeline.zarr"
+    timeline = peeled / "timeline"
     if not simulated:
-        timeline = round_trip(tmp_path / "timeline.zarr", Plan.load(plan))
+        timeline = round_trip(tmp_path / "timeline", Plan.load(plan))
     parts = parts_of(timeline, plan)
     (held_plan := tmp_path / "held.npz").write_bytes(base64.b64decode(parts["plan"]))
     whole_check, part = (foldback_check.check(path) for path in (plan, held_plan))
@@ -64,7 +64,7 @@ def test_motion_that_is_thinned_comes_without_the_plan(
 ) -> None:
     monkeypatch.setattr(standalone, "MAX_STANDALONE_BYTES", 1000)
     plan = kinematic / "plan.npz"
-    parts = parts_of(round_trip(tmp_path / "timeline.zarr", Plan.load(plan)), plan)
+    parts = parts_of(round_trip(tmp_path / "timeline", Plan.load(plan)), plan)
     _, columns = decode(base64.b64decode(parts["batch"]))
     assert parts["plan"] is None
     assert columns.keys() >= WINDOW_ANGLES

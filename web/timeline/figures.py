@@ -29,6 +29,7 @@ from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import TableRecord
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.storage.array_files import HEAD
 from foldback.planner.storage.file_names import CERTIFICATE, FIGURES, FORCES, PLAN, RECORD, TIMELINE
 from foldback.planner.storage.files import json_of
 from foldback.web.timeline.cache import Cache, version_of
@@ -54,7 +55,7 @@ def cached_figures(directory: Path, derived_dir: Path, part: int | None = None) 
         TimelineError: If there are no figures, or no such stretch.
         OSError: If they are being replaced.
     """
-    parts = [derived_dir / FIGURES / "zarr.json", result_path(directory, TIMELINE) / "zarr.json"]
+    parts = [derived_dir / FIGURES / HEAD, result_path(directory, TIMELINE) / HEAD]
     parts += [path for path in (result_path(directory, FORCES),) if path.exists()]
     key = (directory, part, *map(version_of, parts))
     return _MESSAGES.get_or_make(

@@ -182,7 +182,7 @@ def chosen(timeline: TimelineView, frames: NDArray[np.int64]) -> bytes:
 
 def _joined(timeline: TimelineView, parts: Sequence[Motion]) -> bytes:
     with tempfile.TemporaryDirectory() as place:
-        path = f"{place}/timeline.zarr"
+        path = f"{place}/timeline"
         with TimelineWriter.create(path, timeline.chain, windowed=timeline.windowed) as writer:
             for part in parts:
                 writer.append(part)

@@ -27,6 +27,7 @@ from foldback.planner.chain.kinematics import Poses, forward_kinematics
 from foldback.planner.errors import TimelineError
 from foldback.planner.motion.motion import PHASES, Motion
 from foldback.planner.motion.timeline import Timeline
+from foldback.planner.storage.array_files import HEAD
 from foldback.web.palette import error_scale, module_errors
 from foldback.web.pictures.camera import modules_framed, straight_stretch
 from foldback.web.pictures.table_top import TableTop
@@ -262,7 +263,7 @@ class TimelineView:
     def _stamp_now(self) -> tuple[int, int] | None:
         """Return (inode, mtime) of the timeline's metadata; it changes with every flush."""
         try:
-            stat = os.stat(os.path.join(self.path, "zarr.json"))
+            stat = os.stat(os.path.join(self.path, HEAD))
         except OSError:
             return None
         return (stat.st_ino, stat.st_mtime_ns)

@@ -11,6 +11,7 @@ from foldback.planner.motion.timeline import Timeline
 from foldback.planner.pipeline.fold_layout import is_on_table, result_path
 from foldback.planner.plan.plan import Plan
 from foldback.planner.progress import STAGES, Progress
+from foldback.planner.storage.array_files import HEAD
 from foldback.planner.storage.file_names import TIMELINE
 from foldback.planner.verification.plan_parameters import is_on_table as plan_on_table
 from foldback.planner.verification.stored_fold import check_fold
@@ -137,7 +138,7 @@ class Show:
         place = FilePath(fold.path if isinstance(fold, Timeline) else fold)
         views = TimelineViews()
 
-        is_complete = (place / "zarr.json").exists()
+        is_complete = (place / HEAD).exists()
         if not is_complete:
             check_fold(place)
 

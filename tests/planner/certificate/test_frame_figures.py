@@ -40,7 +40,7 @@ def timeline_of(path: FilePath, chain: Chain, *parts: tuple[Phase, Array], error
 def figures_of(
     timeline: FilePath, parameters: Parameters, certificate: Certificate | None = None
 ) -> Figures:
-    path = timeline.with_name("figures")
+    path = timeline.with_name("computed")
     write_figures(timeline, path, parameters, certificate=certificate)
     return Figures.load(path)
 
@@ -82,8 +82,8 @@ def test_clearances_are_those_of_all_pairs(chain: Chain, size: float) -> None:
 
 @pytest.mark.slow
 def test_figures_agree_with_the_certificate(folded: Any, tmp_path: FilePath) -> None:
-    figures = Figures.load(folded.directory / "figures.zarr")
-    frames = Timeline.open(folded.directory / "timeline.zarr").frames()
+    figures = Figures.load(folded.directory / "figures")
+    frames = Timeline.open(folded.directory / "timeline").frames()
     assert len(figures) == len(frames)
     exploded, played = (frames.phase == phase for phase in (0, 1))
     for part in (exploded, played):
@@ -106,13 +106,13 @@ def test_figures_agree_with_the_certificate(folded: Any, tmp_path: FilePath) -> 
     assert figures.hinges_moving[played].max() == pytest.approx(most_hinges, abs=2)
     # Torques are computed at the certificate's fold time.
     slow = replace(certificate, fold_time_s=2.0 * certificate.fold_time_s)
-    for name in ("request.json", "timeline.zarr"):
+    for name in ("request.json", "timeline"):
         (tmp_path / name).symlink_to(folded.directory / name)
-    slower = figures_of(tmp_path / "timeline.zarr", PARAMETERS, slow)
+    slower = figures_of(tmp_path / "timeline", PARAMETERS, slow)
     np.testing.assert_allclose(slower.torque_nm, 0.25 * figures.torque_nm, rtol=1e-5)
     # Without a certificate the speed is that of the frames, not of the plan.
     complete(tmp_path)
-    alone = Curves.load(tmp_path / "figures.zarr")
+    alone = Curves.load(tmp_path / "figures")
     np.testing.assert_array_equal(alone.min_clearance, figures.min_clearance)
     np.testing.assert_allclose(alone.peak_torque_nm, figures.peak_torque_nm, rtol=0.02)
 
@@ -140,7 +140,7 @@ def test_figures_of_several_chunks_are_computed_and_read_in_any_range(tmp_path: 
         figures.min_clearance.min() == pytest.approx(least_clearance, abs=1e-6)
         and least_clearance < 0.0
     )
-    path = tmp_path / "figures"
+    path = tmp_path / "computed"
     write_figures(tmp_path / "t", path, PARAMETERS)  # replaces the stored figures
     for start, stop in ((0, 300), (100, 140), (299, 300), (7, 7)):
         part = Figures.load(path, start, stop)
@@ -149,7 +149,7 @@ def test_figures_of_several_chunks_are_computed_and_read_in_any_range(tmp_path: 
             np.testing.assert_array_equal(getattr(part, field.name), values)
             assert getattr(part, field.name).dtype == values.dtype
     np.testing.assert_array_equal(Curves.load(path).min_clearance, figures.min_clearance)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["figures", "t"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["computed", "t"]
     with pytest.raises(TimelineError, match="no readable figures at"):
         Figures.load(tmp_path / "nothing")
     for start, stop in ((-1, 3), (5, 4), (0, 301)):

@@ -78,7 +78,7 @@ def test_peeled_plan_is_verified_and_read_back(directory: FilePath, plan: Plan) 
 
 
 def test_timeline_holds_the_windows_of_record_and_playback(directory: FilePath, plan: Plan) -> None:
-    timeline = Timeline.open(directory / "timeline.zarr")
+    timeline = Timeline.open(directory / "timeline")
     assert timeline.windowed and timeline.status == "complete"
     assert timeline.chain.folded_rad.tolist() == plan.chain.folded_rad.tolist()
     windows = timeline.windows()
@@ -177,9 +177,9 @@ def test_certify_refuses_windows_that_are_not_finite_or_out_of_range(
 
 
 def test_curves_agree_with_the_certificate(directory: FilePath, plan: Plan) -> None:
-    curves = Curves.load(directory / "figures.zarr")
+    curves = Curves.load(directory / "figures")
     with pytest.raises(TimelineError):
-        Figures.load(directory / "figures.zarr")
+        Figures.load(directory / "figures")
     record = Record.load(directory / "record.npz")
     assert len(curves) == len(record.frames) + len(plan.motion)
     minimum = float(curves.min_clearance.min())

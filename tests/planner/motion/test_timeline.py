@@ -1,22 +1,26 @@
+import io
 import json
 import os
-import shutil
+import tracemalloc
+import zlib
 from pathlib import Path as FilePath
 from unittest.mock import Mock
+from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
 import pytest
 
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.chain_attributes import chain_attributes
+from foldback.planner.chain.path import Path
 from foldback.planner.errors import DamagedError, TimelineError
 from foldback.planner.motion import timeline as timeline_module
 from foldback.planner.motion.motion import PHASES, Motion, Phase
 from foldback.planner.motion.timeline import Timeline, TimelineWriter
-from foldback.planner.storage.checked_zarr import check_chunks
+from foldback.planner.storage.array_files import check_folder, read_head, save_npz, write_head
 from tests.case import case
-from tests.planner.tampering import reseal
 
+LINE = Path.from_cells([(k, 0, 0) for k in range(3)])
 COLUMNS = ("time_s", "joint_angles_rad", "root_position", "root_wxyz")
 
 
@@ -42,7 +46,7 @@ def assert_same(motion: Motion, expected: Motion) -> None:
 
 @pytest.fixture
 def place(tmp_path: FilePath) -> FilePath:
-    return tmp_path / "timeline.zarr"
+    return tmp_path / "timeline"
 
 
 @pytest.fixture
@@ -171,7 +175,7 @@ def test_reopened_writer_continues_after_the_frames_it_keeps(
         writer.append(some_frames(20, start=500))
     times = Timeline.open(place).frames().time_s
     np.testing.assert_array_equal(times, np.r_[np.arange(130), np.arange(500, 520)] / 10)
-    check_chunks(place)
+    check_folder(place)
     for frame_index in (-1, 151):
         with pytest.raises(TimelineError, match="expected 0 to 150"):
             TimelineWriter.reopen(place, frames=frame_index)
@@ -215,24 +219,50 @@ def test_missing_timeline_raises(place: FilePath) -> None:
         Timeline.open(place)
 
 
+def test_timeline_of_an_earlier_version_is_refused_with_the_remedy(place: FilePath) -> None:
+    place.with_name("timeline.zarr").mkdir()
+    with pytest.raises(TimelineError, match="earlier version of foldback.*fold the shape again"):
+        Timeline.open(place)
+
+
 def test_timeline_with_other_attributes_raises(five: FilePath, hook_chain: Chain) -> None:
-    file = five / "zarr.json"
-    document, chain = json.loads(file.read_text()), chain_attributes(hook_chain)
+    head, chain = read_head(five), chain_attributes(hook_chain)
     for name, value, words in (
-        *((name, None, None) for name in ("format", "frames", "chain", "status")),
+        *((name, None, None) for name in ("format", "chunks", "chain", "status", "files")),
         ("format", "foldback-timeline/9", "foldback-timeline/9"),
-        ("frames", 9, "declares 9 frames but has 5"),
-        ("frames", -1, "declares -1 frames but has 5"),
+        ("chunks", [{"frames": 9, "has_errors": False}], "declares 9 frames but has 5"),
+        ("chunks", [{"frames": -1, "has_errors": False}], "a chunk without frames"),
+        ("chunks", [{"frames": 5, "has_errors": False}] * 2, "000001.npz is damaged"),
+        ("status", "gone", "is damaged"),
         ("chain", {}, "is damaged"),
         ("chain", {**chain, "module": "cubxe"}, "is damaged"),
+        ("chain", chain_attributes(Chain.from_path(LINE)), "rows of shape"),
     ):
-        attributes = {**document["attributes"], name: value}
+        values = {**head, name: value}
         if value is None:
-            del attributes[name]
-        file.write_text(json.dumps({**document, "attributes": attributes}))
-        reseal(five)
+            del values[name]
+        write_head(five, values)
         with case((name, value)), pytest.raises(TimelineError, match=words):
-            Timeline.open(five)
+            Timeline.open(five).frames()
+
+
+def test_chunk_cannot_make_its_reader_allocate_more_than_it_holds(five: FilePath) -> None:
+    """Files that state huge arrays, or unpack to much more than 256 MiB."""
+    header = {"descr": "<f8", "fortran_order": False, "shape": (10**12,)}
+    stream = io.BytesIO()
+    np.lib.format.write_array_header_1_0(stream, header)
+    for member, words in ((stream.getvalue(), "does not hold"), (bytes(2**28 + 1), "at most")):
+        with ZipFile(five / "000000.npz", "w", ZIP_DEFLATED) as file:
+            file.writestr("time_s.npy", member)
+            members = [(info.filename, info.CRC, info.file_size) for info in file.infolist()]
+        head = read_head(five)
+        head["files"]["000000.npz"] = zlib.crc32(json.dumps(members).encode())
+        write_head(five, head)
+        tracemalloc.start()
+        with case(words), pytest.raises(DamagedError, match=words):
+            Timeline.open(five).clock()
+        assert tracemalloc.get_traced_memory()[1] < 2**22
+        tracemalloc.stop()
 
 
 def test_timeline_that_loses_frames_has_another_id(place: FilePath, hook_chain: Chain) -> None:
@@ -253,63 +283,69 @@ def test_timeline_that_loses_frames_has_another_id(place: FilePath, hook_chain: 
 
 def test_chunks_without_a_wanted_frame_are_not_read(place: FilePath, hook_chain: Chain) -> None:
     write_timeline(place, hook_chain, some_frames(400))
-    for chunk in (place / "joint_angles_rad" / "c" / "1").iterdir():
-        chunk.write_bytes(b"damaged")
+    (place / "000001.npz").write_bytes(b"damaged")
     timeline = Timeline.open(place)
     assert_same(timeline.frames(0, 400, 300), some_frames(400)[0:400:300])
-    with pytest.raises(DamagedError, match="joint_angles_rad/c/1/0 is damaged"):
+    with pytest.raises(DamagedError, match=r"000001\.npz is damaged"):
         timeline.frames(0, 400, 100)
 
 
-@pytest.mark.parametrize("array", ["joint_angles_rad/c/0/0", "phase/c/0", "time_s/c/0"])
-def test_timeline_with_damaged_chunk_raises(place: FilePath, hook_chain: Chain, array: str) -> None:
-    """An array of zeros counts as damaged, because zarr fills in zeros for missing data."""
+@pytest.mark.parametrize("name", ["time_s", "joint_angles_rad", "root_wxyz"])
+def test_changed_column_is_noticed(five: FilePath, name: str) -> None:
+    """The other columns can still be read."""
+    file = five / "000000.npz"
+    data = bytearray(file.read_bytes())
+    with ZipFile(file) as opened:
+        info = opened.getinfo(f"{name}.npy")
+    at = info.header_offset + 30 + len(info.filename) + 20  # behind its local header
+    data[at + info.compress_size // 2] ^= 16
+    file.write_bytes(data)
+    with pytest.raises(DamagedError, match="Bad CRC-32|while decompressing|does not hold"):
+        Timeline.open(five).frames()
+    if name != "time_s":
+        assert len(Timeline.open(five).clock()[0]) == 5
+
+
+def test_timeline_with_damaged_chunk_raises(place: FilePath, hook_chain: Chain) -> None:
     played = some_frames(130, start=130, phase="playback", error=True)
-    file = write_timeline(place, hook_chain, some_frames(130), played) / array
-    array_bytes, foreign = file.read_bytes(), (place / array.replace("c/0", "c/1")).read_bytes()
-    middle = len(array_bytes) // 2
-    changed = array_bytes[:middle] + bytes([array_bytes[middle] ^ 16]) + array_bytes[middle + 1 :]
-    damages = {"changed": changed, "truncated": array_bytes[:-9], "empty": b"", "foreign": foreign}
+    file = write_timeline(place, hook_chain, some_frames(130), played) / "000000.npz"
+    chunk, foreign = file.read_bytes(), (place / "000001.npz").read_bytes()
+    damages = {"truncated": chunk[:-9], "empty": b"", "foreign": foreign}
     for name, data in {**damages, "missing": None, "directory": None}.items():
         file.unlink()
         if data is not None:
             file.write_bytes(data)
         elif name == "directory":
             file.mkdir()
-        for read in (lambda: Timeline.open(place).frames(), lambda: check_chunks(place)):
-            with case(name), pytest.raises(DamagedError, match=f"{array} is damaged"):
+        for read in (lambda: Timeline.open(place).frames(), lambda: check_folder(place)):
+            with case(name), pytest.raises(DamagedError, match=r"000000\.npz is damaged"):
                 read()
         if name == "missing":
             file.touch()
 
 
-def test_timeline_with_damaged_metadata_raises(five: FilePath) -> None:
-    for name in ("phase/zarr.json", "joint_angles_rad/zarr.json"):
-        array_bytes = (five / name).read_bytes()
-        for data in (array_bytes[:-9], b"", None):
-            (five / name).unlink() if data is None else (five / name).write_bytes(data)
-            with case((name, data)), pytest.raises(DamagedError):
-                Timeline.open(five).frames()
-        (five / name).write_bytes(array_bytes)
-    file = five / "zarr.json"
-    array_bytes = file.read_bytes()
-    changed = [
-        array_bytes[:k] + bytes([array_bytes[k] ^ 1]) + array_bytes[k + 1 :]
-        for k in range(60, len(array_bytes), 191)
-    ]
-    for data in (array_bytes[:50], *changed):
-        if data.split() == array_bytes.split():  # the same value in JSON
-            continue
+def test_timeline_with_damaged_head_raises(five: FilePath) -> None:
+    file = five / "head.json"
+    head = file.read_bytes()
+    changed = [head[:k] + bytes([head[k] ^ 1]) + head[k + 1 :] for k in range(3, len(head), 97)]
+    for data in (head[:50], b"", b"{}", *changed):
         file.write_bytes(data)
-        with case(data), pytest.raises(TimelineError):
-            Timeline.open(five).frames()
-    file.write_bytes(array_bytes)
-    shutil.rmtree(five / "root_position")
-    with pytest.raises(TimelineError):
-        Timeline.open(five)
+        with case(data), pytest.raises(DamagedError, match="head.json is damaged"):
+            Timeline.open(five)
 
 
 def test_writer_continues_only_after_an_undamaged_tail(five: FilePath) -> None:
-    (five / "joint_angles_rad" / "c" / "0" / "0").unlink()
+    (five / "000000.npz").unlink()
     with pytest.raises(DamagedError):
         TimelineWriter.reopen(five)
+
+
+def test_folded_angles_of_a_windowed_timeline_are_checked(
+    place: FilePath, hook_chain: Chain
+) -> None:
+    with TimelineWriter.create(place, hook_chain, windowed=True) as writer:
+        writer.append(some_frames(3).windowed(hook_chain))
+    np.testing.assert_array_equal(Timeline.open(place).chain.folded_rad, hook_chain.folded_rad)
+    save_npz(place / "folded.npz", {"folded_rad": np.zeros(6)})
+    with pytest.raises(DamagedError, match="folded.npz is damaged: .*checksum"):
+        Timeline.open(place)

@@ -161,7 +161,7 @@ def test_attempt_processes_end_with_their_fold(tmp_path: FilePath) -> None:
         stderr=subprocess.DEVNULL,
     )
     children: list[psutil.Process] = []
-    while not any((fold / TRIALS_DIR).glob("*/timeline.zarr")):  # the processes are running
+    while not any((fold / TRIALS_DIR).glob("*/timeline")):  # the processes are running
         assert parent.poll() is None
         children = psutil.Process(parent.pid).children()
         time.sleep(0.05)

@@ -42,7 +42,7 @@ def test_derived_files_are_made_once_and_listed_in_the_manifest(directory: FileP
     assert after is not None and {name: after[name] for name in before} == before
     assert after.keys() - before.keys() == set(DERIVED_FILES)
     assert changed_fields(directory) == [] and verify(directory).problems == ()
-    frames = len(Timeline.open(directory / "timeline.zarr"))
+    frames = len(Timeline.open(directory / "timeline"))
     assert len(Figures.load(directory / FIGURES)) == frames
     moments = stored_moments(directory)
     assert moments is not None and moments.frames == frames and moments.torque is not None

@@ -111,7 +111,7 @@ def test_refold_is_verified_from_shape_to_shape(plan: Plan, folder: FilePath, sq
     np.testing.assert_allclose(angles[-1], plan.chain.folded_rad, atol=1e-9, rtol=0)
     cells = plan.chain.poses(angles[0], plan.root_position[0], plan.root_wxyz[0]).positions
     np.testing.assert_allclose(cells, square.chain.folded_poses.positions, atol=1e-9, rtol=0)
-    timeline = Timeline.open(folder / "timeline.zarr")
+    timeline = Timeline.open(folder / "timeline")
     assert timeline.status == "complete"
     np.testing.assert_array_equal(timeline.frames().phase, plan.phase)
     np.testing.assert_array_equal(timeline.frames().root_position, plan.root_position)
@@ -157,12 +157,12 @@ def test_errors_torques_and_time_are_of_both_halves(
     alone, certificate = square.certificate, plan.certificate
     assert certificate.peak_torque_nm > 0.9 * alone.peak_torque_nm
     assert (certificate.fold_time_s or 0.0) > 1.35 * (alone.fold_time_s or np.inf)
-    peaks = Figures.load(folder / "figures.zarr").peak_torque_nm
+    peaks = Figures.load(folder / "figures").peak_torque_nm
     assert np.isfinite(peaks).all()
     # The certificate checks every step and the figures only frames: they agree closely.
     assert peaks.max() == pytest.approx(certificate.peak_torque_nm, rel=0.35)
     # Without the certificate, the figures follow from the frames' own speed.
-    write_figures(folder / "timeline.zarr", tmp_path / "alone", Parameters())
+    write_figures(folder / "timeline", tmp_path / "alone", Parameters())
     np.testing.assert_allclose(Figures.load(tmp_path / "alone").peak_torque_nm, peaks, rtol=0.05)
 
 
@@ -253,7 +253,7 @@ def test_refold_of_a_refold(plan: Plan, square: Plan) -> None:
 def test_refold_is_refused_before_anything_is_computed(square: Plan, tmp_path: FilePath) -> None:
     with refused("refold-differs", match="got a shape of 12 cubes, expected 8 cubes"):
         refold(square, COIL, directory=tmp_path)
-    assert not (tmp_path / "timeline.zarr").exists()
+    assert not (tmp_path / "timeline").exists()
     with pytest.raises(InputError, match="8 tetrahedra"):
         check_fits(square.chain, "tetrahedron", 8)
     with refused("refold-not-folded", match="does not start straight and end folded"):

@@ -71,7 +71,7 @@ def test_all_stages_make_a_verified_plan(full: tuple[FilePath, list[dict[str, An
     assert certify["verified"] and certify["simulated"]
     assert (export["status"], export["reason"]) == ("verified", "")
     expected = {name for names in OUTPUTS.values() for name in names}
-    other_files = {"request.json", "input", "timeline.zarr", "manifest.json"}
+    other_files = {"request.json", "input", "timeline", "manifest.json"}
     assert {path.name for path in directory.iterdir()} == expected | other_files
     assert Plan.load(directory / "plan.json").verified
 
@@ -91,15 +91,15 @@ def test_stage_killed_half_way_leaves_nothing_half_written_and_can_be_run_again(
     with pytest.raises(Killed):
         run_stage(stage, copy, cancelled=Mock(side_effect=[False, False, False, Killed]))
     earlier = [name for s in STAGES[:place] for name in OUTPUTS[s]]
-    under_way = {"attempts.json", "attempts"} if stage == "explode" else {"timeline.zarr"}
+    under_way = {"attempts.json", "attempts"} if stage == "explode" else {"timeline"}
     files = {path.name for path in copy.iterdir()}
     assert files == {*earlier, *under_way, "request.json", "input"}
-    Timeline.open(result_path(copy, "timeline.zarr")).frames()
+    Timeline.open(result_path(copy, "timeline")).frames()
     run(copy, *STAGES[place:])
     first, copied_plan = (Plan.load(d / "plan.npz") for d in (full[0], copy))
     compare_motions(copied_plan.motion, first.motion)
     assert untimed(copied_plan.summary()) == untimed(first.summary())
-    compare_motions(*(Timeline.open(d / "timeline.zarr").frames() for d in (copy, full[0])))
+    compare_motions(*(Timeline.open(d / "timeline").frames() for d in (copy, full[0])))
 
 
 def test_failed_explosion_in_the_directory_of_a_good_fold_gives_a_failed_plan(
@@ -126,7 +126,7 @@ def test_failed_explosion_in_the_directory_of_a_good_fold_gives_a_failed_plan(
     assert not plan.verified
     assert len(plan.time_s) == 0
     assert plan.summary()["explosion"]["status"] == "diverged"
-    timeline = Timeline.open(copy / "timeline.zarr")
+    timeline = Timeline.open(copy / "timeline")
     assert timeline.status == "failed"
     assert len(timeline) == len(Record.load(copy / "record.npz").frames)
 
@@ -171,7 +171,7 @@ def test_next_candidate_is_tried_when_a_chain_sticks(
     assert [attempt["status"] for attempt in plan.attempts] == ["stalled", "straight"]
     assert plan.chain.folded_rad.tolist() == candidates[1]["folded_rad"]
     # The public timeline is that of the candidate that was verified.
-    timeline = Timeline.open(tmp_path / "timeline.zarr")
+    timeline = Timeline.open(tmp_path / "timeline")
     assert timeline.chain.folded_rad.tolist() == candidates[1]["folded_rad"]
     assert timeline.frames().joint_angles_rad[0].tolist() == candidates[1]["folded_rad"]
 
@@ -197,4 +197,4 @@ def test_overlap_between_frames_is_played_back_again_with_finer_frames(
     assert first["verified"] is False and first["refusal"]["code"] == "plan-end"
     assert (second["verified"], second["seed"], second["finer"]) == (True, 0, 4)
     assert len(plan.motion) > 2 * coarse
-    assert len(Timeline.open(directory / "timeline.zarr")) == len(plan.motion) + second["frames"]
+    assert len(Timeline.open(directory / "timeline")) == len(plan.motion) + second["frames"]

@@ -74,7 +74,7 @@ def test_plan_with_friction_has_a_free_base_and_its_drift(tmp_path: Path) -> Non
     table_parameters = {**plan.parameters["table"], "table_base": "clamped"}
     text = problems(tmp_path, plan, parameters={**plan.parameters, "table": table_parameters})
     assert "a chain whose first module is clamped: plan.npz root_position" in text
-    assert "a chain whose first module is clamped: timeline.zarr root_position" in text
+    assert "a chain whose first module is clamped: timeline root_position" in text
     lifted = motion.with_columns(root_position=motion.root_position + [0.0, 0.0, 0.01])
     for motion_part in (clamped_motion, lifted):
         assert "that drifts like the playback" in problems(tmp_path, plan, motion=motion_part)

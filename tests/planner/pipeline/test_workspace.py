@@ -109,7 +109,7 @@ def test_refused_plan_is_shown_though_later_attempts_stick_and_stages_run_twice(
     assert len(plan.time_s) > 10
     assert [a["status"] for a in plan.attempts][:2] == ["straight", "stalled"]
     frames = result["explosion"]["frames"] + len(plan.time_s)
-    assert len(Timeline.open(directory / "timeline.zarr")) == frames
+    assert len(Timeline.open(directory / "timeline")) == frames
     assert not (directory / "attempts").exists()
 
 
@@ -261,7 +261,7 @@ def test_unfinished_fold_names_the_modules_that_are_not_in_place(tmp_path: FileP
     ):
         with case((phase, share)):
             place = tmp_path / f"{phase}-{share}"
-            write_record(place / "timeline.zarr", CHAIN, share, phase)
+            write_record(place / "timeline", CHAIN, share, phase)
             stuck = Workspace(place).settle()["stuck"]
             assert stuck["modules"] == (modules_at_bends(CHAIN) if named else [])
             assert stuck["kind"] == "stopped"
@@ -276,7 +276,7 @@ def test_stopped_where_changes_no_file(tmp_path: FilePath) -> None:
     assert sorted(tmp_path.rglob("*")) == before
     assert Workspace(tmp_path / "nothing").stopped_where() == {}
     assert Workspace(tmp_path / "nothing").settle() == {}
-    TimelineWriter.create(tmp_path / "empty" / "timeline.zarr", CHAIN).close("failed")
+    TimelineWriter.create(tmp_path / "empty" / "timeline", CHAIN).close("failed")
     assert Workspace(tmp_path / "empty").settle() == {}
 
 
@@ -287,12 +287,12 @@ def test_settle_keeps_the_explosion_with_most_progress(
     add_stopped_attempt(tmp_path, OTHER, left_share)
     add_stopped_attempt(tmp_path, CHAIN, 0.6)
     Workspace(tmp_path).settle()
-    timeline = Timeline.open(tmp_path / "timeline.zarr")
+    timeline = Timeline.open(tmp_path / "timeline")
     np.testing.assert_array_equal(timeline.chain.folded_rad, kept_chain.folded_rad)
     stored = chain_from_attributes(json.loads((tmp_path / "chain.json").read_text()))
     np.testing.assert_array_equal(stored.folded_rad, kept_chain.folded_rad)
     assert {path.name for path in tmp_path.iterdir()} == {
-        *("attempts.json", "chain.json", "timeline.zarr")
+        *("attempts.json", "chain.json", "timeline")
     }
 
 

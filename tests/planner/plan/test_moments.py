@@ -61,7 +61,7 @@ def test_damaged_moments_are_none(tmp_path: FilePath) -> None:
 def test_stored_moments_of_a_fold_have_the_right_frames(folded: Folded) -> None:
     moments, size = stored_moments(folded.directory), folded.plan.certificate.module_size
     assert moments is not None
-    timeline = Timeline.open(folded.directory / "timeline.zarr")
+    timeline = Timeline.open(folded.directory / "timeline")
     assert moments.frames == len(timeline) == moments.plan + len(folded.plan.time_s)
     assert not timeline.frames(moments.straight, moments.straight + 1).joint_angles_rad.any()
 
@@ -76,7 +76,7 @@ def test_stored_moments_of_a_fold_have_the_right_frames(folded: Folded) -> None:
     for frame in range(moments.straight, contact.frame):
         assert min_separation(folded.chain, at(frame), size, CONTACT_LINKS) >= CONTACT_PITCH
 
-    figures = Figures.load(folded.directory / "figures.zarr", moments.plan)
+    figures = Figures.load(folded.directory / "figures", moments.plan)
     torques = np.abs(figures.torque_nm)
     frame, hinge = np.unravel_index(torques.argmax(), torques.shape)
     name = folded.chain.joint_names[hinge]

@@ -63,9 +63,9 @@ def contents(place: Path) -> dict[str, str]:
     }
 
 
-OLD = ("plan.npz", "timeline.zarr/a/c", "timeline.zarr/b", "attempts.json", "start/plan.npz")
-NEW = ("plan.npz", "timeline.zarr/a/c", "timeline.zarr/d/e", "model.xml")
-EARLIER = ("plan.npz", "timeline.zarr", "attempts.json", "start/plan.npz", "model.xml")
+OLD = ("plan.npz", "timeline/a/c", "timeline/b", "attempts.json", "start/plan.npz")
+NEW = ("plan.npz", "timeline/a/c", "timeline/d/e", "model.xml")
+EARLIER = ("plan.npz", "timeline", "attempts.json", "start/plan.npz", "model.xml")
 
 
 def test_a_run_that_is_killed_leaves_the_old_files_or_the_new_ones(

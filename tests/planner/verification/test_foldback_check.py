@@ -19,8 +19,8 @@ from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import CUBE, TETRAHEDRON
 from foldback.planner.clearance.sweep import sweep
 from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.pipeline.packed_fold import unpack
 from foldback.planner.plan.claim import geometry_of
-from foldback.planner.plan.packed_fold import unpack
 from foldback.planner.plan.plan import Plan
 from tests.case import case
 from tests.planner.chains import Array, unvalidated

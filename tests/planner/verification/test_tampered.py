@@ -18,8 +18,6 @@ from tests.planner.folds import run_fold
 from tests.planner.peels import snake
 from tests.planner.tampering import Tampered, may_be_ignored
 
-pytestmark = pytest.mark.filterwarnings("ignore::zarr.errors.ZarrUserWarning")
-"""zarr ignores an array with damaged metadata and warns; its digest is then missing."""
 CHAIN = b"- - - + - -"
 
 

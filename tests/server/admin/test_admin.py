@@ -118,7 +118,7 @@ def test_pinned_gallery_and_unknown_folds_are_not_deleted(place: Path) -> None:
 
 def test_requeued_fold_begins_anew(place: Path, store: Store) -> None:
     (place / "folds" / "old" / "request.json").write_text("{}")
-    (place / "folds" / "old" / "timeline.zarr").mkdir()
+    (place / "folds" / "old" / "timeline").mkdir()
     (place / "folds" / "old" / "plan.json").touch()
     with store.changing() as session:
         session.add(a_movie("old", "m1"))

@@ -6,12 +6,16 @@ from collections.abc import Callable
 from typing import Any
 
 import httpx
+import numpy as np
 import sqlalchemy as sa
 
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.timeline import TimelineWriter
 from foldback.planner.plan.module_values import VALUES_FORMAT
 from foldback.planner.plan.tour import TOUR_FORMAT
 from foldback.planner.storage.file_names import TIMELINE
-from foldback.planner.storage.files import write_json
 from foldback.server.store.folds import Store, new_id
 from foldback.server.store.owned_items import write_beside
 from foldback.server.store.owner import Owner, new_token
@@ -116,10 +120,10 @@ class Thing:
             session.add(movie)
 
     def _add_frames(self) -> None:
-        """Report frames without a timeline, which no action reads."""
-        timeline = self._store.folders.place(self.fold_id) / TIMELINE
-        timeline.mkdir(parents=True)
-        write_json(timeline / "zarr.json", {"attributes": {"frames": 9}})
+        chain = Chain.from_path(Path.from_cells([(0, 0, 0), (1, 0, 0), (1, 1, 0)]))
+        path = self._store.folders.place(self.fold_id) / TIMELINE
+        with TimelineWriter.create(path, chain) as writer:
+            writer.append(Motion.from_angles(np.zeros((9, len(chain.folded_rad)))))
 
     def _add_preview(self) -> None:
         now, owner = time.time(), self.owner("owner").digest

@@ -98,7 +98,7 @@ def test_running_fold_is_cancelled_requested_again_and_deleted(service: Service)
     assert (name, last["status"]) == ("done", "cancelled")
     # Its frames remain visible and the worker is free; the same request starts a new fold.
     assert service.http.get(f"{path}/frames").json()["total"] > 0
-    timeline = service.directory(accepted["id"]) / "timeline.zarr"
+    timeline = service.directory(accepted["id"]) / "timeline"
     assert Timeline.open(timeline).status == "failed"  # the worker is then free
     second_fold = service.fold(**options)
     assert second_fold["id"] != accepted["id"]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from foldback.planner.plan.packed_fold import unpack
+from foldback.planner.pipeline.packed_fold import unpack
 from foldback.planner.plan.plan import Plan
 from foldback.planner.reasons import Reason, ReasonCode
 from foldback.planner.verification.verify import verify

@@ -8,7 +8,7 @@ import pytest
 import sqlalchemy as sa
 
 from foldback.planner.pipeline import manifest, request
-from foldback.planner.plan.packed_fold import unpack
+from foldback.planner.pipeline.packed_fold import unpack
 from foldback.planner.plan.plan import Plan
 from foldback.planner.readers.gallery import Gallery
 from foldback.planner.verification.plan_parameters import request_differs

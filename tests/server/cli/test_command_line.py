@@ -96,12 +96,11 @@ def test_unknown_shape_is_refused_with_similar_names(tmp_path: Path) -> None:
 
 
 WEB = {"fastapi", "sqlalchemy", "uvicorn", "viser"}
-PHYSICS = {"mujoco", "numpy", "scipy", "zarr"}
+PHYSICS = {"mujoco", "numpy", "scipy"}
 COMPUTING = {
     "mujoco",
     "pysat",
     "scipy",
-    "zarr",
     "foldback.planner.pipeline.stages",
 }
 SHOWING = {"PIL", "trimesh", "viser"}
@@ -135,13 +134,13 @@ OTHER_INPUTS |= {"foldback.planner.pathfinding.shape_overlap", "foldback.planner
         {
             "import foldback.server.processes.read_task": {*COMPUTING, *WEB, *SHOWING},
             "import foldback.planner.pipeline.stages": {
-                *("mujoco", "scipy.interpolate", "scipy.ndimage", "scipy.sparse", "zarr"),
+                *("mujoco", "scipy.interpolate", "scipy.ndimage", "scipy.sparse"),
                 *(*WEB, *SHOWING),
             },
             "import foldback.server.processes.retime_task": {
-                *("mujoco", "scipy.interpolate", "zarr", *WEB, *SHOWING),
+                *("mujoco", "scipy.interpolate", *WEB, *SHOWING),
             },
-            "import foldback.web.movies.make_movie": {"mujoco", "zarr", *WEB, *SHOWING},
+            "import foldback.web.movies.make_movie": {"mujoco", *WEB, *SHOWING},
             # No web server, no search for paths, no windows, no readers of meshes.
             "run('fold', 'path.json', '--out', 'fold')": {*WEB, *SHOWING, *OTHER_INPUTS},
         },

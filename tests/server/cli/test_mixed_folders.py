@@ -41,7 +41,7 @@ READERS = (
 """Commands that read the folder of a fold."""
 PARTS = (
     *("plan.npz", "plan.json", "chain.json", "request.json", "input", "model.xml"),
-    *("timeline.zarr", "certificate.json", "attempts.json", "candidates.json", "record.npz"),
+    *("timeline", "certificate.json", "attempts.json", "candidates.json", "record.npz"),
     *("playback.npz", "moments.json"),
 )
 """Files that are of another fold, one at a time."""

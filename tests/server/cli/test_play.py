@@ -27,7 +27,7 @@ KNOT = {"kind": "knot", "modules": [5, 6], "words": "its path is knotted", "evid
 @pytest.fixture
 def directory(tmp_path: Path) -> Path:
     """Directory of an explosion that was interrupted halfway."""
-    with TimelineWriter.create(tmp_path / "timeline.zarr", CHAIN) as writer:
+    with TimelineWriter.create(tmp_path / "timeline", CHAIN) as writer:
         writer.append(unfolding(CHAIN, 6)[:2])
     return tmp_path
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from foldback.planner.plan.packed_fold import unpack
+from foldback.planner.pipeline.packed_fold import unpack
 from foldback.planner.storage.files import settle
 from foldback.server.errors import UNEXPECTED_WORDS
 from foldback.server.store.folds import Store

@@ -40,9 +40,8 @@ def fold(whole_fold: FinishedFold, tmp_path: Path) -> Iterator[FinishedFold]:
 
 
 def test_fold_with_lost_chunks_shows_no_motion(fold: FinishedFold) -> None:
-    for chunk in (fold.directory / "timeline.zarr" / "joint_angles_rad" / "c").rglob("*"):
-        if chunk.is_file():
-            chunk.unlink()
+    for chunk in (fold.directory / "timeline").glob("0*.npz"):
+        chunk.unlink()
     for name in MOTION_ROUTES:
         answer = fold.http.get(f"{fold.page}/{name}")
         assert check_problem(answer, 500, "damaged-data").startswith(MOTION)
@@ -52,7 +51,7 @@ def test_fold_with_lost_chunks_shows_no_motion(fold: FinishedFold) -> None:
     facts = fold.http.get(f"{fold.page}/facts").json()
     assert (facts["frames"], facts["verdict"]["text"], facts["downloads"]) == (0, MOTION, [])
     log = fold.service.log.read_text()
-    assert "joint_angles_rad" in log and fold.id in log
+    assert "timeline/000000.npz" in log and fold.id in log
 
 
 def test_damaged_download_is_refused(fold: FinishedFold) -> None:
@@ -117,7 +116,7 @@ def test_fold_with_any_damaged_file_is_answered_in_sentences(fold: FinishedFold)
     directory, log = fold.directory, fold.service.log
     logged_before = log.stat().st_size
     files = [path for path in sorted(directory.iterdir()) if path.is_file()]
-    files += [directory / "timeline.zarr" / "zarr.json", directory / "figures.zarr" / "zarr.json"]
+    files += [directory / "timeline" / "head.json", directory / "figures" / "head.json"]
     for path, damage in zip(files, cycle(DAMAGES), strict=False):
         file_bytes = path.read_bytes()
         damage(path)
@@ -178,7 +177,7 @@ def test_route_that_makes_something_of_damaged_source_refuses(shipped: ServiceTh
     for source, method, paths in (
         ("plan.npz", "GET", routes),
         ("chain.json", "GET", [f"{page}/picture.png"]),
-        ("timeline.zarr/joint_angles_rad/c/0/0", "POST", [f"/api{page}/movies"]),
+        ("timeline/000000.npz", "POST", [f"/api{page}/movies"]),
     ):
         file_bytes = (place / source).read_bytes()
         truncate(place / source)

@@ -12,7 +12,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 import numpy as np
 import pytest
 
-from foldback.planner.plan.packed_fold import unpack
+from foldback.planner.pipeline.packed_fold import unpack
 from foldback.planner.plan.plan import Plan
 from foldback.planner.trajectories.retiming import retime as retime_plan
 from foldback.planner.trajectories.trajectory import FRAMES_FILE, REST_FILE

@@ -29,7 +29,7 @@ def growing_fold(service: Service) -> tuple[str, TimelineWriter, Chain]:
     """Return a queued fold with a timeline of ten frames that grows."""
     fold = service.fold(SNAKE)["id"]
     chain = chain_of(SNAKE)
-    writer = TimelineWriter.create(service.directory(fold) / "timeline.zarr", chain)
+    writer = TimelineWriter.create(service.directory(fold) / "timeline", chain)
     writer.append(unfolding(chain, FRAMES))
     writer.flush()
     return fold, writer, chain

@@ -73,9 +73,9 @@ def remaining(store: Store, *folds: str) -> list[bool]:
 def test_half_written_files_of_killed_processes_are_removed(store: Store) -> None:
     place = store.folders.place(fold(store, days=0))
     (place / EXPORTS_DIR).mkdir()
-    names = (".figures.zarr.a1b2.partial", f"{EXPORTS_DIR}/.a.csv.1.partial")
+    names = (".figures.a1b2.partial", f"{EXPORTS_DIR}/.a.csv.1.partial")
     stale, fresh = [place / name for name in names], place / ".plan.json.ff.partial"
-    later = place / ".figures.zarr.b1.partial"
+    later = place / ".figures.b1.partial"
     tidy = housekeeping(store)
     for paths in ((*stale, fresh), (later,)):  # a process may be killed after the first sweep, too
         for path in paths:

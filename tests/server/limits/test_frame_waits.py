@@ -28,10 +28,10 @@ def test_one_look_serves_all_waiting_requests(
     monkeypatch.setattr(TimelineView, "refresh", counted)
     chain = chain_of(SNAKE)
     motion = unfolding(chain, 6)
-    with TimelineWriter.create(tmp_path / "timeline.zarr", chain) as writer:
+    with TimelineWriter.create(tmp_path / "timeline", chain) as writer:
         writer.append(motion[:3])
         writer.flush()
-        timeline = TimelineView(tmp_path / "timeline.zarr")
+        timeline = TimelineView(tmp_path / "timeline")
         writer.append(motion[3:])
         writer.flush()
 

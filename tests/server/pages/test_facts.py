@@ -23,7 +23,7 @@ def failed_fold(directory: Path, frames: int, **values: Any) -> LocatedFold:
     """Return a failed fold with the given frames of explosion."""
     if frames:
         chain = chain_of(SNAKE)
-        with TimelineWriter.create(directory / "timeline.zarr", chain) as writer:
+        with TimelineWriter.create(directory / "timeline", chain) as writer:
             writer.append(unfolding(chain, frames))
     usual: dict[str, Any] = {"status": "failed", "stage": "certify", "preset": "default", "seed": 0}
     row = {"id": "f" * 20, "name": "Claw hammer", "modules": 16, **usual, **values}

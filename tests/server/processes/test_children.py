@@ -45,7 +45,7 @@ def stand_in(name, works="", **has):
 
 for name in (
     "mujoco scipy.interpolate scipy.ndimage scipy.optimize scipy.sparse.csgraph "
-    "trimesh zarr.codecs foldback.planner.pathfinding.filling_methods "
+    "trimesh foldback.planner.pathfinding.filling_methods "
     "foldback.planner.pathfinding.shape_overlap foldback.planner.pipeline.prepare "
     "foldback.planner.shapes.decimation foldback.planner.table_paths.offers"
 ).split():

@@ -198,7 +198,7 @@ def run_attack(
     (place.parent / "beside").mkdir()
     (place.parent / "beside" / "plan.npz").write_text("")
     (place / "aim.json").write_text(json.dumps(targets))
-    timeline = settings.folds_dir / "filmed" / "timeline.zarr"
+    timeline = settings.folds_dir / "filmed" / "timeline"
     ask_for_movie(place, asdict(Movie()), timeline, "movie", on_table=False)
     count = kind in FORKED_KINDS
     limits = replace(ChildLimits.of(settings, awaited=count), niceness=0)

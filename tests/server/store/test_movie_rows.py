@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from foldback.planner.storage.array_files import write_head
 from foldback.server.errors import TooMany, Unavailable
 from foldback.server.jobs import movie_runner, progress
 from foldback.server.jobs.movie_runner import MovieJobs
@@ -71,9 +72,9 @@ def processes(tmp_path: Path) -> Iterator[Processes]:
         created = [stack.enter_context(closing(Process(site_settings))) for _ in range(2)]
         store = created[0].store
         store.add(a_fold("a1", bytes=1000), OWNER)
-        timeline = store.directory("a1") / "timeline.zarr"
+        timeline = store.directory("a1") / "timeline"
         timeline.mkdir(parents=True)
-        (timeline / "zarr.json").write_text("{}")
+        write_head(timeline, {"files": {}})
         return created
 
     with ExitStack() as stack:
@@ -89,7 +90,7 @@ def filming(monkeypatch: pytest.MonkeyPatch) -> dict[str, Callable[[], None]]:
         movie_place: Path, limits: object, *, cancelled: Callable[[], bool], **movie_options: Any
     ) -> bool:
         request = json.loads((movie_place / "request.json").read_text())
-        assert Path(request["timeline"], "zarr.json").is_file()
+        assert Path(request["timeline"], "head.json").is_file()
         acts["meanwhile"]()
         (movie_place / request["part"]).write_bytes(b"a movie")
         return not cancelled()

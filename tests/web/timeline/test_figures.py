@@ -33,7 +33,7 @@ def fold(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_curves_and_stretches_are_those_of_the_figures(fold: Path) -> None:
     header, arrays = decode(curves_of(fold, fold))
-    figures = Figures.load(fold / "figures.zarr")
+    figures = Figures.load(fold / "figures")
     assert header["frames"] == len(figures)
     assert header["torque_at_some_frames"] is False
     assert np.allclose(arrays["min_clearance"], figures.min_clearance)
@@ -55,7 +55,7 @@ def test_position_errors_are_those_of_the_joint_errors(
 ) -> None:
     fold: Path = request.getfixturevalue(kind)
     plan = Plan.load(fold / "plan.npz")
-    timeline = Timeline.open(fold / "timeline.zarr")
+    timeline = Timeline.open(fold / "timeline")
     first = len(timeline) - len(plan.time_s)
     errors = join_up(fold, "position_error")
     assert np.isnan(errors[:first]).all()
@@ -77,7 +77,7 @@ def test_peeled_chain_has_errors_alone(peeled: Path) -> None:
     assert 0 < played.sum() < len(played)
     assert arrays["max_error_rad"][played].max() > 1e-5
     widths = decode(stretch_of(peeled, peeled, 0))[0]["widths"]
-    assert widths == {"position_error": len(Timeline.open(peeled / "timeline.zarr").chain)}
+    assert widths == {"position_error": len(Timeline.open(peeled / "timeline").chain)}
     with pytest.raises(TimelineError):
         stretch_of(peeled, peeled, header["frames"])
 
@@ -87,8 +87,8 @@ def test_windows_without_simulation_have_torques_of_some_frames_and_no_stretch(
 ) -> None:
     chain = peels.snake((2, 2, 3))
     windows = long_folds.fold(chain, width=8, step=0.5)
-    timeline = long_folds.write(tmp_path / "timeline.zarr", chain, windows)
-    write_figures(timeline, tmp_path / "figures.zarr", Parameters())
+    timeline = long_folds.write(tmp_path / "timeline", chain, windows)
+    write_figures(timeline, tmp_path / "figures", Parameters())
     assert decode(curves_of(tmp_path, tmp_path))[0]["torque_at_some_frames"] is True
     for place, stretch in ((tmp_path, 0), (fold, 10_000)):
         with pytest.raises(TimelineError):

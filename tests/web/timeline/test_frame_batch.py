@@ -126,7 +126,7 @@ def films(tmp_path_factory: pytest.TempPathFactory) -> list[TimelineView]:
     """Views of timelines of a long fold: one not simulated, one simulated."""
     place = tmp_path_factory.mktemp("long")
     return [
-        TimelineView(long_folds.write(place / f"{k}.zarr", CHAIN, motion))
+        TimelineView(long_folds.write(place / str(k), CHAIN, motion))
         for k, motion in enumerate((LONG, OFF))
     ]
 

@@ -11,7 +11,7 @@ from foldback.web.timeline.view import TimelineView
 
 
 def copies(timeline: Path, place: Path, count: int) -> list[Path]:
-    return [Path(shutil.copytree(timeline, place / f"{k}.zarr")) for k in range(count)]
+    return [Path(shutil.copytree(timeline, place / str(k))) for k in range(count)]
 
 
 def test_views_stay_open_within_the_memory_limit(
@@ -63,7 +63,7 @@ def test_slow_timeline_does_not_delay_another(
 
 
 def test_missing_timeline_is_searched_for_again(timeline_path: Path, tmp_path: Path) -> None:
-    shared, path = TimelineViews(), tmp_path / "timeline.zarr"
+    shared, path = TimelineViews(), tmp_path / "timeline"
     assert shared.get(path) is None
     shutil.copytree(timeline_path, path)
     assert shared.get(path) is not None

@@ -27,17 +27,18 @@ from foldback.planner.motion.angle_encoding import (
     whole_numbers,
 )
 from foldback.planner.motion.motion import Motion
-from foldback.planner.motion.record import save_npz
-from foldback.planner.motion.timeline import TimelineWriter
+from foldback.planner.motion.timeline import Timeline, TimelineWriter
+from foldback.planner.pipeline.manifest import write_manifest
 from foldback.planner.storage import file_names as names
-from foldback.planner.storage.files import write_json, write_whole, zarr_group
+from foldback.planner.storage.array_files import save_npz
+from foldback.planner.storage.files import write_json, write_whole
 
 Ints = NDArray[np.signedinteger[Any]]
 Arrays = dict[str, NDArray[Any]]
 PACKED_FORMAT: Final = "foldback-packed/1"
 TEXT_FILES: Final = (
     *(names.INPUT, names.REQUEST, names.CHAIN, names.START_CHAIN, names.CANDIDATES, names.ATTEMPTS),
-    *(names.CERTIFICATE, names.MANIFEST, names.MODEL, names.MOMENTS),
+    *(names.CERTIFICATE, names.MODEL, names.MOMENTS),
 )
 """Files that a packed fold (a whole fold directory in one small file) holds unchanged, if the fold
 has them."""
@@ -76,13 +77,12 @@ def pack(directory: FilePath, about: dict[str, Any]) -> bytes:
         if (directory / file).exists():
             with np.load(directory / file, allow_pickle=False) as opened:
                 packer.add_npz(file, dict(opened))
-    timeline = zarr_group(directory / names.TIMELINE)
     packer.add_figures(Figures.load(directory / names.FIGURES))
     header = {
         "format": PACKED_FORMAT,
         "about": about,
         "texts": texts,
-        "timeline": timeline.attrs["id"],
+        "timeline": Timeline.open(directory / names.TIMELINE).id,
         "coded": packer.coded,
     }
     file = io.BytesIO()
@@ -107,8 +107,8 @@ def unpack(data: bytes, directory: FilePath) -> dict[str, Any]:
             save_npz(directory / file, _of_file(files_found, file))
     _write_plan_json(directory / names.PLAN_TEXT, _of_file(files_found, names.PLAN))
     _write_timeline(directory, files_found, header["timeline"])
-    figures = Figures(**_of_file(files_found, "figures"))
-    write([figures], len(figures), str(directory / names.FIGURES))
+    write([Figures(**_of_file(files_found, "figures"))], directory / names.FIGURES)
+    write_manifest(directory)
     return header["about"]
 
 
