@@ -11,6 +11,7 @@ from foldback.planner.core.structures import (
     Angles,
     Array,
     ArticulatedBodies,
+    BentWindow,
     ChainModel,
     ContactPoints,
     Controlled,
@@ -608,6 +609,21 @@ def window_stiffness(positions: Array, drive: FloatingDrive, out: Array) -> None
         positions: (m, 3) centres of the window's modules.
         drive: Forces on them.
         out: Written.
+    """
+
+def window_distances(
+    a: BentWindow, b: BentWindow, folded: Array, hinges: int
+) -> tuple[float, float, float]:
+    """Return how far two windows of a chain are apart.
+
+    Args:
+        a, b: The windows.
+        folded: Angles of the folded chain's hinges.
+        hinges: Number of hinges of a joint.
+
+    Returns:
+        The largest turn of a hinge, in rad; the largest distance of a module of both windows, in
+        pitches; and the cosine of the angle between their rods.
     """
 
 def window_inverse_step_limit(

@@ -30,6 +30,7 @@ void bind_step_control(nanobind::module_ &);
 void bind_sweep(nanobind::module_ &);
 void bind_tetrahedron_turns(nanobind::module_ &);
 void bind_trails(nanobind::module_ &);
+void bind_window_distances(nanobind::module_ &);
 void bind_window_forces(nanobind::module_ &);
 void bind_window_steps(nanobind::module_ &);
 }  // namespace foldback
@@ -64,6 +65,7 @@ NB_MODULE(_core, m) {
   foldback::bind_sweep(m);
   foldback::bind_tetrahedron_turns(m);
   foldback::bind_trails(m);
+  foldback::bind_window_distances(m);
   foldback::bind_window_forces(m);
   foldback::bind_window_steps(m);
 }

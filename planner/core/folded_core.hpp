@@ -48,11 +48,14 @@ inline void require_core(const CoreCells &core) {
             "core.box: within the grid");
 }
 
-// Call a function with the vector from the centre of each cell of the core within `reach` of module
-// k of a window to that module, and its squared length. Cells of linked modules are left out.
+// Call a function with the vector from the centre of each cell of the core that is nearer than
+// `cutoff` to module k of a window, to that module, and its squared length. Cells of linked modules
+// are left out.
 template <class F>
-void for_near_core_cells(const CoreCells &core, const double *position, Index k, Index reach,
+void for_near_core_cells(const CoreCells &core, const double *position, Index k, double cutoff,
                          F call) {
+  const Index reach = static_cast<Index>(std::ceil(cutoff));
+  const double limit = cutoff * cutoff;
   Index from[3], to[3];
   for (int r = 0; r < 3; ++r) {
     Index cell = static_cast<Index>(std::nearbyint(position[r]));
@@ -61,14 +64,16 @@ void for_near_core_cells(const CoreCells &core, const double *position, Index k,
   }
   for (Index x = from[0]; x < to[0]; ++x)
     for (Index y = from[1]; y < to[1]; ++y) {
+      Vector<double> gap{position[0] - static_cast<double>(x), position[1] - static_cast<double>(y),
+                         0.0};
+      if (gap.x * gap.x + gap.y * gap.y >= limit) continue;
       const std::int32_t *row = &core.grid(x - core.low[0], y - core.low[1], 0) - core.low[2];
       for (Index z = from[2]; z < to[2]; ++z) {
         Index module = row[z];
         if (module < 0 || module >= core.first + FIXED || core.first + k - module < 2) continue;
-        Vector<double> gap{position[0] - static_cast<double>(x),
-                           position[1] - static_cast<double>(y),
-                           position[2] - static_cast<double>(z)};
-        call(gap, dot(gap, gap));
+        gap.z = position[2] - static_cast<double>(z);
+        const double square = dot(gap, gap);
+        if (square < limit) call(gap, square);
       }
     }
 }

@@ -132,7 +132,7 @@ class WindowLoop {
         qdd_({state_.q.size()}) {}
 
   // Make a step of a placed window under forces and a torque on its last module.
-  Outcome step(const GivenDrive &drive, Controlled &control) {
+  Outcome step(const GivenDrive &drive, const WindowNeighbours &near, Controlled &control) {
     write_free_bodies(modules_.positions, modules_.rotations, window_.bodies);
     const FoundContacts found = found_contacts(find_, modules_.size());
     const Contacts contacts{found.points,
@@ -152,8 +152,8 @@ class WindowLoop {
     if (too_deep) return TOO_DEEP;
     accelerate(state_, accelerations, control.step_s, control.drag);
     place_velocities(state_, window_.model, modules_);
-    scale_velocities(
-        state_, limit_speeds(control, window_.control, inverse_step_limit(), found.points.size()));
+    scale_velocities(state_, limit_speeds(control, window_.control, inverse_step_limit(near),
+                                          found.points.size()));
     advance_state(state_, control.step_s);
     stop_hinges(state_, window_.stop_rad);
     return MOVED;
@@ -161,10 +161,10 @@ class WindowLoop {
 
  private:
   // Of the placed positions and the new velocities.
-  double inverse_step_limit() const {
+  double inverse_step_limit(const WindowNeighbours &near) const {
     double largest = 0.0;
     for (Index j = 0; j < state_.q.size(); ++j) largest = std::max(largest, std::abs(state_.q[j]));
-    return window_step_limit(state_.qd, modules_, window_.core, window_.tail, window_.cutoff,
+    return window_step_limit(state_.qd, modules_, near, window_.core, window_.tail, window_.cutoff,
                              largest < window_.loose_rad ? window_.loose : window_.packed);
   }
 
@@ -194,7 +194,7 @@ class FloatingLoads {
 
   // Forces in the step that is `made` steps after the first: the paper's equations 1 and 3, the
   // pull, and the torque that turns the rod.
-  GivenDrive operator()(Index made, const Controlled &control) {
+  GivenDrive operator()(Index made, const Controlled &control, const WindowNeighbours &near) {
     const bool is_weak = made < drive_.weak_steps;
     const View<const double, 1> aim = drive_.aims[std::min(made, drive_.aims.size() - 1)];
     double source[3];
@@ -203,11 +203,10 @@ class FloatingLoads {
     const WindowLoads loads{drive_.weights,
                             {source, {3}},
                             aim,
-                            window_.cutoff,
                             drive_.gain * (is_weak ? drive_.weak_gain : 1.0),
                             drive_.tension * scale,
                             drive_.pull * scale};
-    write_window_forces(modules_.positions, loads, window_.core, forces_);
+    write_window_forces(modules_.positions, loads, near, forces_);
     const View<const double, 2> last = modules_.rotations[modules_.size() - 1];
     const Vector<double> rod{last(0, 0), last(1, 0), last(2, 0)};
     store(scaled(cross(rod, load(aim.data())), drive_.alignment * drive_.spring),
@@ -241,13 +240,15 @@ template <int K, class Loads>
 nanobind::object make_steps(const WindowBody &window, WindowState state, Loads loads,
                             const nanobind::callable &find, const WindowSteps &out) {
   WindowLoop<K> loop(window, state, find);
+  WindowNeighbours near;
   Outcome outcome = MOVED;
   Index made = 0;
   while (made < out.time_s.size() && outcome == MOVED) {
     place(state.reduced, window.model, state.modules);
     record(out, made, state.time_s, state.reduced, state.modules);
     ++state.control.steps;
-    outcome = loop.step(loads(made++, state.control), state.control);
+    find_neighbours(state.modules.positions, window.core, window.cutoff, near);
+    outcome = loop.step(loads(made++, state.control, near), near, state.control);
     if (outcome == MOVED) state.time_s += state.control.step_s;
   }
   return named_tuple("StepsDone", controlled_tuple(state.control), state.time_s, made,
@@ -293,7 +294,7 @@ nanobind::object peel_step(WindowBody window, GivenDrive drive, WindowState stat
           "drive.forces: (m, 3)");
   require(drive.end_torque.size() == 3, "drive.end_torque: (3,)");
   require(out.time_s.size() == 1, "out: one step");
-  const auto loads = [&](Index, const Controlled &) { return drive; };
+  const auto loads = [&](Index, const Controlled &, const WindowNeighbours &) { return drive; };
   return window.model.joint.hinges() == 1 ? make_steps<1>(window, state, loads, find, out)
                                           : make_steps<2>(window, state, loads, find, out);
 }

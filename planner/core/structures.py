@@ -757,6 +757,22 @@ class WindowSteps(NamedTuple):
         )
 
 
+class BentWindow(NamedTuple):
+    """A configuration of a chain that is folded, then bent, then straight.
+
+    Attributes:
+        first: First module of the window, which is bent.
+        angles: (H,) angles of the window's hinges, rad.
+        centres: (m, 3) centres of the window's modules, pitches.
+        along: (3,) unit vector of the straight rod.
+    """
+
+    first: int
+    angles: Array
+    centres: Array
+    along: Array
+
+
 MOVED, TOO_DEEP, NOT_FINITE = range(3)
 """How a step ended: it moved on, its contacts were too deep, or its numbers were not finite."""
 

@@ -20,63 +20,33 @@ void write_radial_forces(View<const double, 2> positions, const WindowLoads &loa
   for (double *force = out.begin(); force != out.end(); ++force) *force *= scale;
 }
 
-// Call a function with each pair of a window's modules nearer than the cutoff, in their order, and
-// the squared distance. Consecutive modules are at most 1 apart, so that some need no look.
-template <class F>
-void for_near_pairs(View<const double, 2> positions, double cutoff, F call) {
-  for (Index i = FIXED; i < positions.size(); ++i) {
-    Index j = i + 2;
-    while (j < positions.size()) {
-      Vector<double> gap = load(positions[i].data()) - load(positions[j].data());
-      double square = dot(gap, gap);
-      if (square < cutoff * cutoff) {
-        call(i, j, gap, square);
-        ++j;
-      } else {
-        j += std::max<Index>(1, static_cast<Index>(std::floor(std::sqrt(square) - cutoff)));
-      }
+// Add repulsion to (m, 3) forces, gain / distance² each: equation 3 of the paper. The window's
+// modules repel each other, and the core's cells repel them.
+void add_repulsion(const WindowNeighbours &near, double gain, View<double, 2> out) {
+  for (const auto &[i, j, gap, square] : near.pairs) {
+    const double bounded = std::max(square, MIN_REPULSION_SQUARE);
+    const double scale = gain / (bounded * std::sqrt(bounded));
+    for (int r = 0; r < 3; ++r) {
+      out(i, r) += scale * gap[r];
+      out(j, r) -= scale * gap[r];
     }
+  }
+  for (const auto &[k, gap, square] : near.cells) {
+    const double distance = std::sqrt(std::max(square, MIN_REPULSION_SQUARE));
+    const double scale = gain / (distance * distance * distance);
+    for (int r = 0; r < 3; ++r) out(k, r) += scale * gap[r];
   }
 }
 
-// Add repulsion to (m, 3) forces, gain / distance² each: equation 3 of the paper. The window's
-// modules repel each other, and the core's cells repel them.
-void add_repulsion(View<const double, 2> positions, const WindowLoads &loads, const CoreCells &core,
-                   View<double, 2> out) {
-  for_near_pairs(positions, loads.cutoff,
-                 [&](Index i, Index j, const Vector<double> &gap, double square) {
-                   square = std::max(square, MIN_REPULSION_SQUARE);
-                   double scale = loads.gain / (square * std::sqrt(square));
-                   for (int r = 0; r < 3; ++r) {
-                     out(i, r) += scale * gap[r];
-                     out(j, r) -= scale * gap[r];
-                   }
-                 });
-  const Index reach = static_cast<Index>(std::ceil(loads.cutoff));
-  for (Index k = FIXED; k < positions.size(); ++k)
-    for_near_core_cells(core, positions[k].data(), k, reach,
-                        [&](const Vector<double> &gap, double square) {
-                          if (square >= loads.cutoff * loads.cutoff) return;
-                          double distance = std::sqrt(std::max(square, MIN_REPULSION_SQUARE));
-                          double scale = loads.gain / (distance * distance * distance);
-                          for (int r = 0; r < 3; ++r) out(k, r) += scale * gap[r];
-                        });
-}
-
 // Largest inverse step limit in 1/s of the window's modules against the core.
-double core_step_limit(const ModuleStates &modules, const CoreCells &core, double cutoff,
+double core_step_limit(const ModuleStates &modules, const std::vector<NearCell> &cells,
                        const PairLimits &limits) {
   double largest = 0.0;
-  const Index reach = static_cast<Index>(std::ceil(cutoff));
-  for (Index k = FIXED; k < modules.size(); ++k) {
-    Vector<double> omega = load(modules.angular_velocities[k].data());
-    Vector<double> velocity = load(modules.velocities[k].data());
-    double surface_speed = limits.radius * std::sqrt(dot(omega, omega));
-    for_near_core_cells(
-        core, modules.positions[k].data(), k, reach, [&](const Vector<double> &gap, double square) {
-          if (square < cutoff * cutoff)
-            largest = std::max(largest, inverse_step_limit(gap, velocity, surface_speed, limits));
-        });
+  for (const auto &[k, gap, square] : cells) {
+    const Vector<double> omega = load(modules.angular_velocities[k].data());
+    largest =
+        std::max(largest, inverse_step_limit(gap, load(modules.velocities[k].data()),
+                                             limits.radius * std::sqrt(dot(omega, omega)), limits));
   }
   return largest;
 }
@@ -108,20 +78,44 @@ double tail_speed(const ModuleStates &modules, const CoreCells &core, Index tail
 
 }  // namespace
 
+// Consecutive modules are at most 1 apart, so that some pairs need no look.
+void find_neighbours(View<const double, 2> positions, const CoreCells &core, double cutoff,
+                     WindowNeighbours &near) {
+  near.pairs.clear();
+  near.cells.clear();
+  for (Index i = FIXED; i < positions.size(); ++i) {
+    Index j = i + 2;
+    while (j < positions.size()) {
+      Vector<double> gap = load(positions[i].data()) - load(positions[j].data());
+      double square = dot(gap, gap);
+      if (square < cutoff * cutoff) {
+        near.pairs.push_back({i, j, gap, square});
+        ++j;
+      } else {
+        j += std::max<Index>(1, static_cast<Index>(std::floor(std::sqrt(square) - cutoff)));
+      }
+    }
+  }
+  for (Index k = FIXED; k < positions.size(); ++k)
+    for_near_core_cells(
+        core, positions[k].data(), k, cutoff,
+        [&](const Vector<double> &gap, double square) { near.cells.push_back({k, gap, square}); });
+}
+
 void write_window_forces(View<const double, 2> positions, const WindowLoads &loads,
-                         const CoreCells &core, View<double, 2> out) {
+                         const WindowNeighbours &near, View<double, 2> out) {
   write_radial_forces(positions, loads, out);
   for (int r = 0; r < 3; ++r) out(out.size() - 1, r) += loads.pull * loads.heading[r];
-  add_repulsion(positions, loads, core, out);
+  add_repulsion(near, loads.gain, out);
 }
 
 double window_step_limit(View<const double, 1> qd, const ModuleStates &modules,
-                         const CoreCells &core, Index tail, double cutoff,
-                         const StepLimits &limits) {
-  double largest = core_step_limit(modules, core, cutoff, limits.pair);
-  for_near_pairs(modules.positions, cutoff, [&](Index i, Index j, const Vector<double> &, double) {
-    largest = std::max(largest, pair_inverse_step_limit(i, j, modules, limits.pair));
-  });
+                         const WindowNeighbours &near, const CoreCells &core, Index tail,
+                         double cutoff, const StepLimits &limits) {
+  double largest = core_step_limit(modules, near.cells, limits.pair);
+  for (const NearPair &pair : near.pairs)
+    largest =
+        std::max(largest, pair_inverse_step_limit(pair.first, pair.second, modules, limits.pair));
   double fastest_hinge = 0.0, fastest_square = 0.0;
   for (Index k = 0; k < qd.size(); ++k) fastest_hinge = std::max(fastest_hinge, std::abs(qd[k]));
   for (Index k = 0; k < modules.size(); ++k) {
@@ -147,7 +141,9 @@ void bind_window_forces(nanobind::module_ &m) {
         require(modules.size() > 0, "modules: at least one");
         require_core(core);
         require(tail >= 0, "tail: not negative");
-        return window_step_limit(qd, modules, core, tail, cutoff, limits);
+        WindowNeighbours near;
+        find_neighbours(modules.positions, core, cutoff, near);
+        return window_step_limit(qd, modules, near, core, tail, cutoff, limits);
       },
       nb::arg("qd"), nb::arg("modules"), nb::arg("core"), nb::arg("tail"), nb::arg("cutoff"),
       nb::arg("limits"),

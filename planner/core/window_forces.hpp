@@ -21,22 +21,39 @@ struct WindowLoads {
   View<const double, 1> weights;  // (m,) relative radial gains of the modules
   View<const double, 1> source;   // (3,) point from which the radial forces diverge
   View<const double, 1> heading;  // (3,) unit vector of the pull on the last module
-  double cutoff;                  // distance in pitches beyond which modules and cells do not repel
   double gain;                    // γ of the paper's equation 3
   double tension;                 // largest sum of radial forces beyond a joint
   double pull;                    // force along the heading
 };
-inline auto fields(WindowLoads &l) {
-  return std::tie(l.weights, l.source, l.heading, l.cutoff, l.gain, l.tension, l.pull);
-}
+
+// What is near the modules of a window: pairs of them, and cells of the core. Gaps are vectors to
+// the first module, with their squared lengths.
+struct NearPair {
+  Index first, second;
+  Vector<double> gap;
+  double square;
+};
+struct NearCell {
+  Index module;
+  Vector<double> gap;
+  double square;
+};
+struct WindowNeighbours {
+  std::vector<NearPair> pairs;
+  std::vector<NearCell> cells;
+};
+
+// Find what is nearer than the cutoff, in the order of the modules.
+void find_neighbours(View<const double, 2> positions, const CoreCells &core, double cutoff,
+                     WindowNeighbours &near);
 
 // Write (m, 3) forces: radial ones (equation 1 of the paper), the pull, and repulsion (equation 3).
 void write_window_forces(View<const double, 2> positions, const WindowLoads &loads,
-                         const CoreCells &core, View<double, 2> out);
+                         const WindowNeighbours &near, View<double, 2> out);
 
 // 1/Δt_max in 1/s of window and tail: the largest ratio of speed to displacement limit.
 double window_step_limit(View<const double, 1> qd, const ModuleStates &modules,
-                         const CoreCells &core, Index tail, double cutoff,
-                         const StepLimits &limits);
+                         const WindowNeighbours &near, const CoreCells &core, Index tail,
+                         double cutoff, const StepLimits &limits);
 
 }  // namespace foldback

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.clearance.sweep import windows_shape
-from foldback.planner.core import sweep_frames
+from foldback.planner.core import sweep_frames, window_distances
 from foldback.planner.core.structures import Angles
 from foldback.planner.explosion.loop.recorder import MIN_CLEARANCE_LOSS_PITCH
 from foldback.planner.explosion.peeling.window import Peelable, WindowConfiguration
 from foldback.planner.motion.angle_encoding import quantised
 from foldback.planner.motion.motion import Motion
+
+MIN_ROD_COSINE: Final = float(np.cos(0.1))
+"""Cosine of the maximum turn of the rod from one snapshot to the next, 0.1 rad."""
 
 
 class Proof:
@@ -86,12 +89,13 @@ class WindowRule:
 
     def are_far(self, a: WindowConfiguration, b: WindowConfiguration) -> bool:
         """Return True if two snapshots are farther apart than allowed."""
-        _, angles_a, angles_b = self.peelable.together(a, b)
-        if np.abs(angles_a - angles_b).max(initial=0.0) >= self.snapshot_rad:
-            return True
-        if a.along is not None and b.along is not None and a.along @ b.along < np.cos(0.1):
-            return True
-        return _moved(a, b) >= self.snapshot_distance
+        folded_rad, hinges = self.peelable.chain.folded_rad, self.peelable.hinges
+        turn, distance, cosine = window_distances(a.bent, b.bent, folded_rad, hinges)
+        return (
+            turn >= self.snapshot_rad
+            or cosine < MIN_ROD_COSINE
+            or distance >= self.snapshot_distance
+        )
 
     def clearance(
         self, a: WindowConfiguration, b: WindowConfiguration, *, divisible: bool
@@ -113,13 +117,3 @@ class WindowRule:
             base_position=np.tile(chain.folded_position, (count, 1)),
             base_wxyz=np.tile(chain.folded_wxyz, (count, 1)),
         )
-
-
-def _moved(a: WindowConfiguration, b: WindowConfiguration) -> float:
-    """Return the largest distance of a module of both windows, pitches; 0 if unknown."""
-    if a.centres is None or b.centres is None:
-        return 0.0
-    low = max(a.first, b.first)
-    high = min(a.first + len(a.centres), b.first + len(b.centres))
-    moved = a.centres[low - a.first : high - a.first] - b.centres[low - b.first : high - b.first]
-    return float(np.sqrt((moved**2).sum(axis=1).max(initial=0.0)))

@@ -16,6 +16,7 @@ from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.core import FIXED, chain_poses
 from foldback.planner.core.structures import (
+    BentWindow,
     ContactModel,
     CoreCells,
     CoreField,
@@ -63,6 +64,12 @@ class WindowConfiguration:
     centres: Array | None = None
     along: Array | None = None
 
+    @property
+    def bent(self) -> BentWindow:
+        """Window of a configuration whose centres and rod are known, as kernels take it."""
+        assert self.centres is not None and self.along is not None
+        return BentWindow(self.first, self.angles, self.centres, self.along)
+
 
 class Peelable:
     """A chain that is peeled: its core, and the poses of its windows."""
@@ -93,14 +100,6 @@ class Peelable:
         angles[:lead] = self.chain.folded_rad[k * first : k * bend.first]
         angles[lead : lead + len(bend.angles)] = bend.angles
         return angles
-
-    def together(self, a: WindowConfiguration, b: WindowConfiguration) -> tuple[int, Array, Array]:
-        """Return the first module and the angles of two configurations in their common window."""
-        k = self.hinges
-        first = min(a.first, b.first)
-        end = max(k * a.first + len(a.angles), k * b.first + len(b.angles))
-        count = end - k * first
-        return first, self.widened(a, first, count), self.widened(b, first, count)
 
     def base(self, first: int) -> tuple[Array, Array]:
         """Return the (3,) and (3, 3) pose of a window's first module, straight behind its second.
@@ -369,7 +368,7 @@ class Window:
             first=self.first,
             angles=angles,
             centres=positions,
-            along=rotations[-1][:, 0],
+            along=rotations[-1][:, 0].copy(),
         )
 
     def make_steps(self, control: StepControl, count: int) -> tuple[list[WindowConfiguration], int]:
