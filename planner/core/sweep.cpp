@@ -20,6 +20,10 @@ constexpr double LARGE_MOTION = 1.0;
 // Mean number of near pairs per moving module above which an interval of large motion between two
 // frames is halved before its pairs are checked. Decision 0012.
 constexpr Index MAX_PAIRS_PER_MODULE = 32;
+// Number of consecutive modules in a ball that is compared with others in the search along a chain.
+constexpr Index BLOCK_MODULES = 8;
+// Bound of the rounding error in the distance of two such balls, pitches.
+constexpr double BLOCK_ROUNDING = 1e-6;
 // Maximum number of times that the interval between two frames is halved because motion in it is
 // too large to list all near pairs. Beyond it the plan is refused as unproved. Decision 0012.
 constexpr int MAX_COARSE_BISECTIONS = 12;
@@ -162,32 +166,48 @@ void Sweep::append_core_pairs(const Body &body, Index module, double reach) {
     }
 }
 
+// Write the balls about the blocks of a stretch.
+void Sweep::write_blocks() {
+  const Index m = static_cast<Index>(bodies_.size());
+  blocks_.clear();
+  for (Index first = 0; first < m; first += BLOCK_MODULES) {
+    Block block{first, std::min(first + BLOCK_MODULES, m), {}, 0.0, 0.0};
+    block.centre = bodies_[(block.first + block.end) / 2].position;
+    for (Index k = block.first; k < block.end; ++k) {
+      block.radius = std::max(block.radius, length(bodies_[k].position - block.centre));
+      block.displacement_bound = std::max(block.displacement_bound, bodies_[k].displacement_bound);
+    }
+    blocks_.push_back(block);
+  }
+}
+
 // Find the pairs of a stretch of large motion that may come nearer than `reach`: lemma 7. Returns
 // true if they are too many to be checked; then not all are there.
-bool Sweep::find_pairs_along(double max_displacement, double half, double reach) {
+bool Sweep::find_pairs_along(double half, double reach) {
   const Index m = static_cast<Index>(bodies_.size());
-  // How much nearer modules i and j may come, of which i moves by at most `displacement`.
+  // How much nearer modules i and j may come, given how far they move in total.
   auto nearing = [&](Index i, Index j, double displacement) {
     double between = half * std::abs(bodies_[j].rate_sum - bodies_[i].rate_sum) * (j - i);
-    return std::min(bodies_[i].displacement_bound + displacement, between);
+    return std::min(displacement, between);
   };
-  for (Index i = 0; i < m; ++i) {
-    Index j = i + shape_.min_checked_gap;
-    while (j < m) {
-      double spare = length(bodies_[j].position - bodies_[i].position) - reach;
-      if (spare < nearing(i, j, bodies_[j].displacement_bound)) {
-        pairs_.push_back({part_.low + i, part_.low + j});
-        if (static_cast<Index>(pairs_.size()) > MAX_PAIRS_PER_MODULE * m) return true;
-      }
-      // Modules j + 1 to j + leap are too far away for the bounds that hold at `to`.
-      Index leap = static_cast<Index>(spare);
-      while (leap > 0) {
-        Index to = std::min(j + leap, m - 1);
-        if (spare - leap >= nearing(i, to, max_displacement)) break;
-        leap /= 2;
-      }
-      j += 1 + std::max<Index>(leap, 0);
+  write_blocks();
+  for (auto a = blocks_.begin(); a != blocks_.end(); ++a) {
+    near_blocks_.clear();
+    for (auto b = a; b != blocks_.end(); ++b) {
+      double spare = length(b->centre - a->centre) - (a->radius + b->radius) - reach;
+      // The sum of rates grows along the chain, so that no pair of the blocks has a larger bound.
+      double both = a->displacement_bound + b->displacement_bound;
+      if (spare - BLOCK_ROUNDING < nearing(a->first, b->end - 1, both)) near_blocks_.push_back(*b);
     }
+    for (Index i = a->first; i < a->end; ++i)
+      for (const Block &b : near_blocks_)
+        for (Index j = std::max(i + shape_.min_checked_gap, b.first); j < b.end; ++j) {
+          double spare = length(bodies_[j].position - bodies_[i].position) - reach;
+          double both = bodies_[i].displacement_bound + bodies_[j].displacement_bound;
+          if (spare >= nearing(i, j, both)) continue;
+          pairs_.push_back({part_.low + i, part_.low + j});
+          if (static_cast<Index>(pairs_.size()) > MAX_PAIRS_PER_MODULE * m) return true;
+        }
   }
   return false;
 }
@@ -199,7 +219,7 @@ bool Sweep::find_stretch_pairs(double half, double reach) {
   for (const Body &body : bodies_)
     max_displacement = std::max(max_displacement, body.displacement_bound);
   const double most = reach + largest_allowance(0, bodies_.size() - 1);
-  if (max_displacement > LARGE_MOTION) return find_pairs_along(max_displacement, half, most);
+  if (max_displacement > LARGE_MOTION) return find_pairs_along(half, most);
   View<const double, 2> points(positions_.data(), {static_cast<Index>(bodies_.size()), 3});
   find_near_pairs(points, most + 2.0 * max_displacement, shape_.min_checked_gap, candidates_);
   for (const auto &[i, j] : candidates_) {

@@ -95,6 +95,13 @@ class Sweep {
     int bisections;
   };
 
+  // Consecutive modules of the stretch in a ball, and how far any of their centres moves at most.
+  struct Block {
+    Index first, end;
+    Vector<double> centre;
+    double radius, displacement_bound;
+  };
+
   void set_stretch(Index frame, Index to);
   void write_angles(Index frame, Index start, std::vector<double> &out) const;
   void move(double middle, double half);
@@ -107,7 +114,8 @@ class Sweep {
   void box_of_others(double *box) const;
   bool find_pairs(double half, double reach);
   bool find_stretch_pairs(double half, double reach);
-  bool find_pairs_along(double max_displacement, double half, double reach);
+  void write_blocks();
+  bool find_pairs_along(double half, double reach);
   void append_core_pairs(const Body &body, Index module, double reach);
   bool append_tail_pairs(double half, double reach);
   bool append_pairs_of_tail_module(const Body &module, Index t, double nearing);
@@ -138,6 +146,7 @@ class Sweep {
   // modules, and of a pair with the tail.
   std::vector<double> allowances_[2];
   std::vector<Pair> pairs_, candidates_, unresolved_;
+  std::vector<Block> blocks_, near_blocks_;
 };
 
 }  // namespace foldback

@@ -144,6 +144,16 @@ def test_sliding_modules_are_refused_by_both() -> None:
     assert not assert_same(chain, motion, 1.0)
 
 
+def test_chain_that_swings_has_the_bound_of_the_reference() -> None:
+    # The ends move by more than a pitch: blocks of modules are compared, and then their modules.
+    chain = line(40)
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        start = rng.normal(0.0, 0.25, len(chain.folded_rad))
+        motion = np.stack([start, start + rng.normal(0.0, 0.1, len(start))])
+        assert assert_same(chain, motion, 0.95)
+
+
 def test_motion_too_large_to_bound_is_refused_by_both() -> None:
     chain = line(80)
     rng = np.random.default_rng(0)
