@@ -12,13 +12,16 @@ from foldback.planner.core.structures import (
     Array,
     ArticulatedBodies,
     BentWindow,
+    ChainLimits,
     ChainModel,
+    ChainSteps,
     ContactPoints,
     Controlled,
     ControlLimits,
     CoreCells,
     CubeScratch,
     DetectedContacts,
+    ExplodingChain,
     FacetedHull,
     Field,
     Flags,
@@ -42,6 +45,7 @@ from foldback.planner.core.structures import (
     PairContacts,
     PairLimits,
     Pairs,
+    RadialDrive,
     ReducedState,
     RobotBody,
     RobotServos,
@@ -53,6 +57,7 @@ from foldback.planner.core.structures import (
     Shape,
     Solid,
     StepLimits,
+    SteppedState,
     StepsDone,
     SweepResult,
     SweptCells,
@@ -60,7 +65,6 @@ from foldback.planner.core.structures import (
     Tolerance,
     TurningGaps,
     WindowBody,
-    WindowState,
     WindowSteps,
 )
 
@@ -576,10 +580,70 @@ def distances_at(field: Array, low: Array, points: Array, out: Array) -> None:
         out: (k,) written.
     """
 
+def chain_steps(
+    chain: ExplodingChain,
+    drive: RadialDrive,
+    state: SteppedState,
+    find: Callable[[], PairContacts | None],
+    out: ChainSteps,
+) -> tuple[StepsDone, float]:
+    """Make steps of a whole chain until one is not finite or its contacts are too deep.
+
+    Args:
+        chain: The chain.
+        drive: Forces on it; with creep, of one step.
+        state: State; its arrays are changed.
+        find: Returns the contacts of the state, or None if there are none; called where modules
+            may touch or a hinge is at its stop.
+        out: States before each step; written.
+
+    Returns:
+        The end of the steps, and the looseness in the last one: 0 while the chain is packed, 1
+        once it has come apart.
+    """
+
+def chain_forces(
+    drive: RadialDrive, tension: float, angles: Array, positions: Array, pairs: Pairs, out: Array
+) -> float:
+    """Write the forces on a whole chain in one step: eq. 1 and 3 of the paper, and creep.
+
+    Args:
+        drive: Strengths.
+        tension: Factor of the tension.
+        angles: (J,) hinge angles, rad.
+        positions: (n, 3) centres of the modules, in pitches.
+        pairs: (P, 2) modules that repel each other.
+        out: (n, 3) forces; written.
+
+    Returns:
+        The looseness of the chain, see ``chain_steps``.
+    """
+
+def chain_inverse_step_limit(
+    state: ReducedState, modules: ModuleStates, pairs: Pairs, limits: ChainLimits
+) -> float:
+    """Return 1/Δt_max, 1/s, of hinges, near modules, and all modules.
+
+    Args:
+        state: Hinges.
+        modules: Poses and velocities of all modules.
+        pairs: (P, 2) near modules.
+        limits: Displacements that are allowed in one step.
+    """
+
+def unfolded_share(angles: Array, positions: Array, folded_rad: float) -> float:
+    """Return the progress of a chain from 0 to 1: half by its bends, half by its span.
+
+    Args:
+        angles: (J,) hinge angles, rad.
+        positions: (n, 3) centres of the modules, in pitches.
+        folded_rad: Sum of the bends of the folded chain.
+    """
+
 def floating_peel_steps(
     window: WindowBody,
     drive: FloatingDrive,
-    state: WindowState,
+    state: SteppedState,
     find: Callable[[], PairContacts | None],
     out: WindowSteps,
 ) -> StepsDone:
@@ -596,7 +660,7 @@ def floating_peel_steps(
 def peel_step(
     window: WindowBody,
     drive: GivenDrive,
-    state: WindowState,
+    state: SteppedState,
     find: Callable[[], PairContacts | None],
     out: WindowSteps,
 ) -> StepsDone:

@@ -4,6 +4,7 @@
 namespace foldback {
 void bind_allowances(nanobind::module_ &);
 void bind_backbite(nanobind::module_ &);
+void bind_chain_steps(nanobind::module_ &);
 void bind_clearance(nanobind::module_ &);
 void bind_constrained(nanobind::module_ &);
 void bind_crossings(nanobind::module_ &);
@@ -39,6 +40,7 @@ NB_MODULE(_core, m) {
   m.doc() = "Compiled loops over arrays and named tuples of arrays.";
   foldback::bind_allowances(m);
   foldback::bind_backbite(m);
+  foldback::bind_chain_steps(m);
   foldback::bind_clearance(m);
   foldback::bind_constrained(m);
   foldback::bind_crossings(m);

@@ -128,13 +128,8 @@ double pair_inverse_step_limit(Index i, Index j, const ModuleStates &modules,
                             limits);
 }
 
-namespace {
-
-// Add the repulsion of near modules, gain / distance², to (n, 3) forces: the paper's equation 3.
-void repulsion(View<const double, 2> points, View<const Index, 2> pairs, double gain,
-               View<double, 2> out) {
-  require(points.axis(1) == 3 && out.shape() == points.shape(), "points, out: (n, 3)");
-  require_pairs(pairs, points.size());
+void repel(View<const double, 2> points, View<const Index, 2> pairs, double gain,
+           View<double, 2> out) {
   for (Index k = 0; k < pairs.size(); ++k) {
     Index i = pairs(k, 0), j = pairs(k, 1);
     Vector<double> gap = load(points[i].data()) - load(points[j].data());
@@ -147,7 +142,13 @@ void repulsion(View<const double, 2> points, View<const Index, 2> pairs, double 
   }
 }
 
-}  // namespace
+double max_inverse_step_limit(const ModuleStates &modules, View<const Index, 2> pairs,
+                              const PairLimits &limits) {
+  double largest = 0.0;
+  for (Index k = 0; k < pairs.size(); ++k)
+    largest = std::max(largest, pair_inverse_step_limit(pairs(k, 0), pairs(k, 1), modules, limits));
+  return largest;
+}
 
 void bind_pairs(nanobind::module_ &m) {
   namespace nb = nanobind;
@@ -164,18 +165,22 @@ void bind_pairs(nanobind::module_ &m) {
       },
       nb::arg("points"), nb::arg("cutoff"), nb::arg("apart"),
       "Return (P, 2) pairs closer than a cutoff and at least some links apart, in their order.");
-  m.def("repulsion", repulsion, nb::arg("points"), nb::arg("pairs"), nb::arg("gain"),
-        nb::arg("out"), "Add the repulsion of near modules, gain / distance², to (n, 3) forces.");
+  m.def(
+      "repulsion",
+      [](View<const double, 2> points, View<const Index, 2> pairs, double gain,
+         View<double, 2> out) {
+        require(points.axis(1) == 3 && out.shape() == points.shape(), "points, out: (n, 3)");
+        require_pairs(pairs, points.size());
+        repel(points, pairs, gain, out);
+      },
+      nb::arg("points"), nb::arg("pairs"), nb::arg("gain"), nb::arg("out"),
+      "Add the repulsion of near modules, gain / distance², to (n, 3) forces.");
   m.def(
       "max_inverse_step_limit",
       [](ModuleStates modules, View<const Index, 2> pairs, PairLimits limits) {
         require_states(modules);
         require_pairs(pairs, modules.size());
-        double largest = 0.0;
-        for (Index k = 0; k < pairs.size(); ++k)
-          largest =
-              std::max(largest, pair_inverse_step_limit(pairs(k, 0), pairs(k, 1), modules, limits));
-        return largest;
+        return max_inverse_step_limit(modules, pairs, limits);
       },
       nb::arg("modules"), nb::arg("pairs"), nb::arg("limits"),
       "Return the largest inverse step limit in 1/s of near pairs.");

@@ -59,4 +59,12 @@ inline double inverse_step_limit(const Vector<double> &gap, const Vector<double>
 double pair_inverse_step_limit(Index i, Index j, const ModuleStates &modules,
                                const PairLimits &limits);
 
+// The largest one of pairs.
+double max_inverse_step_limit(const ModuleStates &modules, View<const Index, 2> pairs,
+                              const PairLimits &limits);
+
+// Add the repulsion of near modules, gain / distance², to (n, 3) forces: the paper's equation 3.
+void repel(View<const double, 2> points, View<const Index, 2> pairs, double gain,
+           View<double, 2> out);
+
 }  // namespace foldback

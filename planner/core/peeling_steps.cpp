@@ -1,13 +1,6 @@
 // Steps of the window of a peeling, as one loop.
-//
-// A step computes the forces on the placed modules, the accelerations under them and under contacts
-// and stops, and integrates them with uniform drag; velocities are scaled to what one step allows.
-// MuJoCo's collision, which Python calls, finds the contacts.
-#include "constrained.hpp"
-#include "contact_bindings.hpp"
+#include "explosion_step.hpp"
 #include "free_bodies.hpp"
-#include "reduced_motion.hpp"
-#include "step_control.hpp"
 #include "window_forces.hpp"
 
 namespace foldback {
@@ -19,19 +12,15 @@ constexpr double STIFFENING_BEGINS = 2.0, STIFFENING_WIDTH = 6.0;
 // forces diverge.
 constexpr double SOURCE_DISTANCE = 2.0;
 
-// The named tuples `WindowBody`, `FloatingDrive`, `GivenDrive`, `WindowState` and
+// The named tuples `WindowBody`, `FloatingDrive`, `GivenDrive`, `SteppedState` and
 // `WindowSteps` of Python.
 struct WindowBody {
-  ChainModel model;
-  View<const double, 1> rotor_inertias;
-  double stop_rad;
+  SteppedChain chain;
   CoreCells core;
   Index tail;
   FreeBodies bodies;
-  ContactModel contact_model;
   double cutoff, loose_rad;
   StepLimits packed, loose;
-  ControlLimits control;
 };
 struct FloatingDrive {
   View<const double, 1> weights, centre;
@@ -41,17 +30,6 @@ struct FloatingDrive {
   double weak_gain, weak_tension;
   Index weak_steps, stiffness_period;
 };
-struct GivenDrive {
-  View<const double, 2> forces;
-  View<const double, 1> end_torque;
-};
-struct WindowState {
-  ReducedState reduced;
-  ModuleStates modules;
-  View<double, 1> stiffness;
-  Controlled control;
-  double time_s;
-};
 struct WindowSteps {
   View<double, 1> time_s;
   View<double, 2> angles;
@@ -60,24 +38,16 @@ struct WindowSteps {
 };
 
 static auto fields(WindowBody &w) {
-  return std::tie(w.model, w.rotor_inertias, w.stop_rad, w.core, w.tail, w.bodies, w.contact_model,
-                  w.cutoff, w.loose_rad, w.packed, w.loose, w.control);
+  return std::tie(w.chain, w.core, w.tail, w.bodies, w.cutoff, w.loose_rad, w.packed, w.loose);
 }
 static auto fields(FloatingDrive &d) {
   return std::tie(d.weights, d.centre, d.aims, d.field, d.spring, d.stiffening, d.gain, d.tension,
                   d.pull, d.alignment, d.weak_gain, d.weak_tension, d.weak_steps,
                   d.stiffness_period);
 }
-static auto fields(GivenDrive &d) { return std::tie(d.forces, d.end_torque); }
-static auto fields(WindowState &s) {
-  return std::tie(s.reduced, s.modules, s.stiffness, s.control, s.time_s);
-}
 static auto fields(WindowSteps &s) { return std::tie(s.time_s, s.angles, s.centres, s.along); }
 
 namespace {
-
-// How a step ended.
-enum Outcome : Index { MOVED, TOO_DEEP, NOT_FINITE };
 
 // Write the (J,) stiffness of springs, which grows with the distance from the core. The modules at
 // both ends of the window have no joint of their own.
@@ -94,97 +64,10 @@ void write_stiffness(View<const double, 2> positions, const FloatingDrive &drive
   }
 }
 
-// Contacts that Python's function has found, which keeps their arrays.
-struct FoundContacts {
-  nanobind::object owner;
-  PairContacts points{};
-};
-
-FoundContacts found_contacts(const nanobind::callable &find, Index modules) {
-  FoundContacts found{find()};
-  if (found.owner.is_none()) return found;
-  if (!nanobind::try_cast(found.owner, found.points))
-    throw nanobind::type_error("find: returns PairContacts or None");
-  require_contacts(found.points, modules);
-  return found;
-}
-
-double deepest(const PairContacts &contacts) {
-  double depth = 0.0;
-  for (Index k = 0; k < contacts.size(); ++k) depth = std::max(depth, contacts.depths[k]);
-  return depth;
-}
-
-template <int K>
-class WindowLoop {
- public:
-  WindowLoop(const WindowBody &window, const WindowState &start, const nanobind::callable &find)
-      : window_(window),
-        state_(start.reduced),
-        modules_(start.modules),
-        stiffness_(start.stiffness),
-        find_(find),
-        dynamics_(window.model, window.stop_rad, state_.q.size()),
-        S_(modules_.size() * K),
-        U_(modules_.size() * K),
-        D_(modules_.size() * K * K),
-        torques_({state_.q.size()}),
-        qdd_({state_.q.size()}) {}
-
-  // Make a step of a placed window under forces and a torque on its last module.
-  Outcome step(const GivenDrive &drive, const WindowNeighbours &near, Controlled &control) {
-    write_free_bodies(modules_.positions, modules_.rotations, window_.bodies);
-    const FoundContacts found = found_contacts(find_, modules_.size());
-    const Contacts contacts{found.points,
-                            {std::max(2.0 * control.step_s, window_.contact_model.time_constant),
-                             window_.contact_model.damping_ratio, window_.contact_model.solimp,
-                             window_.contact_model.max_direct}};
-    for (Index j = 0; j < state_.q.size(); ++j) torques_[j] = -stiffness_[j] * state_.q[j];
-    const LoadViews loads{torques_, window_.rotor_inertias, drive.forces, drive.end_torque};
-    const Accelerations<double> accelerations{qdd_.view().data(), &root_};
-    if (!dynamics_.run(dynamics_of(window_.model, state_, loads, modules_), modules_, contacts,
-                       {S_.data(), U_.data(), D_.data(), root_inertia_, &root_acceleration_},
-                       accelerations))
-      return NOT_FINITE;
-    const double depth = deepest(found.points);
-    const bool too_deep = is_too_deep(control, window_.control, depth);
-    adapt_tension(control, window_.control, depth);
-    if (too_deep) return TOO_DEEP;
-    accelerate(state_, accelerations, control.step_s, control.drag);
-    place_velocities(state_, window_.model, modules_);
-    scale_velocities(state_, limit_speeds(control, window_.control, inverse_step_limit(near),
-                                          found.points.size()));
-    advance_state(state_, control.step_s);
-    stop_hinges(state_, window_.stop_rad);
-    return MOVED;
-  }
-
- private:
-  // Of the placed positions and the new velocities.
-  double inverse_step_limit(const WindowNeighbours &near) const {
-    double largest = 0.0;
-    for (Index j = 0; j < state_.q.size(); ++j) largest = std::max(largest, std::abs(state_.q[j]));
-    return window_step_limit(state_.qd, modules_, near, window_.core, window_.tail, window_.cutoff,
-                             largest < window_.loose_rad ? window_.loose : window_.packed);
-  }
-
-  const WindowBody &window_;
-  const ReducedState &state_;
-  const ModuleStates &modules_;
-  View<double, 1> stiffness_;
-  const nanobind::callable &find_;
-  ConstrainedDynamics<K> dynamics_;
-  std::vector<Spatial<double>> S_, U_;
-  std::vector<double> D_;
-  double root_inertia_[36];
-  Spatial<double> root_acceleration_, root_;
-  Array<double, 1> torques_, qdd_;
-};
-
 // Forces on a floating window, and its springs.
 class FloatingLoads {
  public:
-  FloatingLoads(const FloatingDrive &drive, const WindowBody &window, const WindowState &start)
+  FloatingLoads(const FloatingDrive &drive, const WindowBody &window, const SteppedState &start)
       : drive_(drive),
         window_(window),
         modules_(start.modules),
@@ -237,34 +120,39 @@ void record(const WindowSteps &out, Index k, double time_s, const ReducedState &
 // Make steps under the forces that a function returns, until one is not finite or too deep, and
 // record each state before its step.
 template <int K, class Loads>
-nanobind::object make_steps(const WindowBody &window, WindowState state, Loads loads,
+nanobind::object make_steps(const WindowBody &window, SteppedState state, Loads loads,
                             const nanobind::callable &find, const WindowSteps &out) {
-  WindowLoop<K> loop(window, state, find);
+  ExplosionStep<K> step(window.chain, state);
   WindowNeighbours near;
+  const ModuleStates &modules = state.modules;
+  const auto inverse_step_limit = [&] {
+    const bool is_loose = largest_magnitude(state.reduced.q) < window.loose_rad;
+    return window_step_limit(state.reduced.qd, modules, near, window.core, window.tail,
+                             window.cutoff, is_loose ? window.loose : window.packed);
+  };
   Outcome outcome = MOVED;
   Index made = 0;
   while (made < out.time_s.size() && outcome == MOVED) {
-    place(state.reduced, window.model, state.modules);
-    record(out, made, state.time_s, state.reduced, state.modules);
+    place(state.reduced, window.chain.model, modules);
+    record(out, made, state.time_s, state.reduced, modules);
     ++state.control.steps;
-    find_neighbours(state.modules.positions, window.core, window.cutoff, near);
-    outcome = loop.step(loads(made++, state.control, near), near, state.control);
+    find_neighbours(modules.positions, window.core, window.cutoff, near);
+    const GivenDrive drive = loads(made++, state.control, near);
+    write_free_bodies(modules.positions, modules.rotations, window.bodies);
+    outcome =
+        step.run(drive, found_contacts(find, modules.size()), state.control, inverse_step_limit);
     if (outcome == MOVED) state.time_s += state.control.step_s;
   }
-  return named_tuple("StepsDone", controlled_tuple(state.control), state.time_s, made,
-                     static_cast<Index>(outcome));
+  return steps_done(state, made, outcome);
 }
 
-void require_window(const WindowBody &window, const WindowState &state, const WindowSteps &out) {
+void require_window(const WindowBody &window, const SteppedState &state, const WindowSteps &out) {
   const Index J = state.reduced.q.size(), m = state.modules.size(), N = out.time_s.size();
-  require_state(state.reduced, window.model, state.modules);
+  require_stepped(window.chain, state);
   require(m >= FIXED, "modules: at least the two of the core");
-  require(window.rotor_inertias.size() == J, "window.rotor_inertias: (J,)");
   require_core(window.core);
   require(window.tail >= 0, "window.tail: not negative");
   require_bodies(window.bodies, m);
-  require_contact_model(window.contact_model);
-  require(state.stiffness.size() == J, "state.stiffness: (J,)");
   require(out.angles.shape() == std::array<Index, 2>{N, J}, "out.angles: (N, J)");
   require(out.centres.shape() == std::array<Index, 3>{N, m, 3}, "out.centres: (N, m, 3)");
   require(out.along.shape() == std::array<Index, 2>{N, 3}, "out.along: (N, 3)");
@@ -278,16 +166,16 @@ void require_drive(const FloatingDrive &drive, Index modules) {
   require(drive.stiffness_period > 0, "drive.stiffness_period: positive");
 }
 
-nanobind::object floating_peel_steps(WindowBody window, FloatingDrive drive, WindowState state,
+nanobind::object floating_peel_steps(WindowBody window, FloatingDrive drive, SteppedState state,
                                      nanobind::callable find, WindowSteps out) {
   require_window(window, state, out);
   require_drive(drive, state.modules.size());
   const FloatingLoads loads(drive, window, state);
-  return window.model.joint.hinges() == 1 ? make_steps<1>(window, state, loads, find, out)
-                                          : make_steps<2>(window, state, loads, find, out);
+  return window.chain.model.joint.hinges() == 1 ? make_steps<1>(window, state, loads, find, out)
+                                                : make_steps<2>(window, state, loads, find, out);
 }
 
-nanobind::object peel_step(WindowBody window, GivenDrive drive, WindowState state,
+nanobind::object peel_step(WindowBody window, GivenDrive drive, SteppedState state,
                            nanobind::callable find, WindowSteps out) {
   require_window(window, state, out);
   require(drive.forces.shape() == std::array<Index, 2>{state.modules.size(), 3},
@@ -295,8 +183,8 @@ nanobind::object peel_step(WindowBody window, GivenDrive drive, WindowState stat
   require(drive.end_torque.size() == 3, "drive.end_torque: (3,)");
   require(out.time_s.size() == 1, "out: one step");
   const auto loads = [&](Index, const Controlled &, const WindowNeighbours &) { return drive; };
-  return window.model.joint.hinges() == 1 ? make_steps<1>(window, state, loads, find, out)
-                                          : make_steps<2>(window, state, loads, find, out);
+  return window.chain.model.joint.hinges() == 1 ? make_steps<1>(window, state, loads, find, out)
+                                                : make_steps<2>(window, state, loads, find, out);
 }
 
 }  // namespace

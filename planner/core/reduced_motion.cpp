@@ -11,12 +11,6 @@ namespace {
 // Angle of a rotation vector in rad below which sin(angle / 2) / angle is taken as its limit.
 constexpr double MIN_TURN_RAD = 1e-12;
 
-// Products of vectors and matrices are rounded once for each term, in a fixed order. NumPy's are,
-// by its BLAS, so that explosions go on to the last bit as when NumPy moved their root.
-double fused_dot(const Vector<double> &a, const Vector<double> &b) {
-  return std::fma(a.z, b.z, std::fma(a.y, b.y, a.x * b.x));
-}
-
 Vector<double> row(const Matrix<double> &m, int r) { return {m(r, 0), m(r, 1), m(r, 2)}; }
 Vector<double> column(const Matrix<double> &m, int c) { return {m(0, c), m(1, c), m(2, c)}; }
 

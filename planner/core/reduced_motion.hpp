@@ -1,9 +1,17 @@
 // Integration of the reduced state of a chain in an explosion, with uniform drag.
 #pragma once
 
+#include <cmath>
+
 #include "reduced_state.hpp"
 
 namespace foldback {
+
+// Products of vectors and matrices are rounded once for each term, in a fixed order. NumPy's are,
+// by its BLAS, so that explosions go on to the last bit as when NumPy moved their root.
+inline double fused_dot(const Vector<double> &a, const Vector<double> &b) {
+  return std::fma(a.z, b.z, std::fma(a.y, b.y, a.x * b.x));
+}
 
 // Write the poses and velocities of all modules of a state, or the velocities alone.
 void place(const ReducedState &state, const ChainModel &model, const ModuleStates &modules);

@@ -635,35 +635,159 @@ class FreeBodies(NamedTuple):
     tail: int
 
 
-class WindowBody(NamedTuple):
-    """A window of m modules, with all that stays while it has the same modules.
+class SteppedChain(NamedTuple):
+    """A chain that an explosion moves, with all that stays from step to step.
 
     Attributes:
         model: Inertial parameters.
         rotor_inertias: (J,) rotor inertias of the hinges.
         stop_rad: Angle of the hinges' stops, either way.
-        core: Cells that are still folded.
-        tail: Number of modules of the tail.
-        bodies: Modules and tail in MuJoCo's state.
         contact_model: Stiffness of contacts, with the smallest time constant; it is two steps.
-        cutoff: Distance in pitches beyond which modules and cells do not repel.
-        loose_rad: The window is loose if every hinge is bent less than this.
-        packed, loose: Displacements that are allowed in one step.
         control: Limits of step, drag and tension.
     """
 
     model: ChainModel
     rotor_inertias: Array
     stop_rad: float
+    contact_model: ContactModel
+    control: ControlLimits
+
+
+class SteppedState(NamedTuple):
+    """State of such a chain; its arrays are changed by steps.
+
+    Attributes:
+        reduced: Hinges, and pose and velocity of the root.
+        modules: Poses and velocities of all modules, as placed last.
+        stiffness: (J,) stiffness of the hinges' springs.
+        control: Step, drag and tension.
+        time_s: Simulated time, s.
+    """
+
+    reduced: ReducedState
+    modules: ModuleStates
+    stiffness: Array
+    control: Controlled
+    time_s: float
+
+
+class ChainLimits(NamedTuple):
+    """Allowed displacements of a whole chain in one step.
+
+    Attributes:
+        joint_rad: Turn of a hinge.
+        body: Displacement of a module, in pitches.
+        loose_rad: The chain is loose if every hinge is bent less than this.
+        packed, loose: Displacements of two modules relative to each other.
+    """
+
+    joint_rad: float
+    body: float
+    loose_rad: float
+    packed: PairLimits
+    loose: PairLimits
+
+
+class ExplodingChain(NamedTuple):
+    """A whole chain of n modules that explodes.
+
+    Attributes:
+        chain: Chain and joints.
+        hull: Hull of a module of size 1.
+        size: Size of the modules that touch, as a fraction of the pitch.
+        cutoff: Distance in pitches beyond which modules do not repel each other.
+        apart: Minimum number of links between modules that do.
+        limits: Displacements that are allowed in one step.
+    """
+
+    chain: SteppedChain
+    hull: Hull
+    size: float
+    cutoff: float
+    apart: int
+    limits: ChainLimits
+
+
+class RadialDrive(NamedTuple):
+    """Strengths of the forces on a whole chain.
+
+    Attributes:
+        weights: (n,) relative radial gains of the modules.
+        creep: (n, 3) forces along the chain in one step; (0, 3) for none.
+        bend_rad: Sum of the bends of the folded chain.
+        spring: Stiffness of the hinges' springs.
+        tension: Largest force that may add up along the chain, as a multiple of ``spring``.
+        gain: γ of the paper's eq. 3 while the chain is packed.
+        loose_gain: Factor of γ once it is loose.
+        weak_gain, weak_tension: Factors of γ and of the tension in the weak part of a pulse.
+        ramp_begins, ramp_ends: Progress from which on and up to which γ grows.
+        weak_steps: Number of the next steps that are in the weak part.
+    """
+
+    weights: Array
+    creep: Array
+    bend_rad: float
+    spring: float
+    tension: float
+    gain: float
+    loose_gain: float
+    weak_gain: float
+    weak_tension: float
+    ramp_begins: float
+    ramp_ends: float
+    weak_steps: int
+
+
+class ChainSteps(NamedTuple):
+    """States of a whole chain before each of N steps.
+
+    Attributes:
+        time_s: (N,) simulated times, s.
+        angles: (N, J) hinge angles, rad.
+        position: (N, 3) centres of the root, pitches.
+        rotation: (N, 3, 3) its orientations.
+        centres: (N, n, 3) centres of the modules, pitches.
+    """
+
+    time_s: Array
+    angles: Array
+    position: Array
+    rotation: Array
+    centres: Array
+
+    @classmethod
+    def empty(cls, steps: int, hinges: int, modules: int) -> ChainSteps:
+        """Return arrays for a number of steps."""
+        return cls(
+            np.empty(steps),
+            np.empty((steps, hinges)),
+            np.empty((steps, 3)),
+            np.empty((steps, 3, 3)),
+            np.empty((steps, modules, 3)),
+        )
+
+
+class WindowBody(NamedTuple):
+    """A window of m modules, with all that stays while it has the same modules.
+
+    Attributes:
+        chain: Modules and joints.
+        core: Cells that are still folded.
+        tail: Number of modules of the tail.
+        bodies: Modules and tail in MuJoCo's state.
+        cutoff: Distance in pitches beyond which modules and cells do not repel.
+        loose_rad: The window is loose if every hinge is bent less than this.
+        packed, loose: Displacements that are allowed in one step.
+    """
+
+    chain: SteppedChain
     core: CoreCells
     tail: int
     bodies: FreeBodies
-    contact_model: ContactModel
     cutoff: float
     loose_rad: float
     packed: StepLimits
     loose: StepLimits
-    control: ControlLimits
 
 
 class FloatingDrive(NamedTuple):
@@ -711,24 +835,6 @@ class GivenDrive(NamedTuple):
 
     forces: Array
     end_torque: Array
-
-
-class WindowState(NamedTuple):
-    """State of a window; its arrays are changed by steps.
-
-    Attributes:
-        reduced: Hinges, and pose and velocity of module 0.
-        modules: Poses and velocities of all modules, as placed last.
-        stiffness: (J,) stiffness of the hinges' springs.
-        control: Step, drag and tension.
-        time_s: Simulated time, s.
-    """
-
-    reduced: ReducedState
-    modules: ModuleStates
-    stiffness: Array
-    control: Controlled
-    time_s: float
 
 
 class WindowSteps(NamedTuple):

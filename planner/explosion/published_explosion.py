@@ -16,7 +16,7 @@ import numpy as np
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import DEFAULT_MODULE_SIZE, Module
-from foldback.planner.core import near_pairs, repulsion
+from foldback.planner.core import near_pairs, repulsion, unfolded_share
 from foldback.planner.explosion.loop.checkpoint import Checkpoint, Pulses
 from foldback.planner.explosion.loop.explosion_loop import (
     STRAIGHT,
@@ -28,7 +28,7 @@ from foldback.planner.explosion.loop.explosion_loop import (
 )
 from foldback.planner.explosion.loop.recorder import FrameRule, Recorder, Step
 from foldback.planner.explosion.loop.step_control import StepControl
-from foldback.planner.explosion.loop.whole_chain import chain_at_rest, unfolded_share
+from foldback.planner.explosion.loop.whole_chain import chain_at_rest, folded_bend_rad
 from foldback.planner.motion.angle_encoding import quantised
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record, Spent
@@ -151,7 +151,9 @@ class PublishedChain:
 
     def unfolded(self) -> float:
         """Return the progress, 0 to 1: half by the joints' bends, half by the chain's span."""
-        return unfolded_share(self.chain, self.state.angles, self.segments.positions)
+        return unfolded_share(
+            self.state.angles, self.segments.positions, folded_bend_rad(self.chain)
+        )
 
 
 @dataclass(slots=True, kw_only=True, eq=False)

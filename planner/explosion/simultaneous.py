@@ -249,6 +249,30 @@ class Simultaneous(Explosion[WholeChain, Step]):
         """Record the present state; step in any case."""
         self.recorder.add(self.world.snapshot())
 
+    def go_on(self) -> End | None:
+        """Make steps up to the next check, or one step where MuJoCo computes it."""
+        if not isinstance(self.world.engine, Segments):
+            return Explosion.go_on(self)
+        return self.check_step(moved=self.make_steps(self.world.engine))
+
+    def make_steps(self, engine: Segments) -> bool:
+        """Make steps up to the next check; return False if the run restarted instead.
+
+        The state before the last of them is proposed as the checkpoint.
+
+        Raises:
+            SimulationError: When the numbers are bad and the run may not restart.
+        """
+        control, world = self.control, self.world
+        before_last = COMMIT_EVERY_STEPS - 1 - control.steps % COMMIT_EVERY_STEPS
+        if not before_last:
+            self.checkpoint.propose(world.time_s, world.state)
+        limits = control.limits
+        if not self.may_restart(after_error=False):
+            limits = limits._replace(max_depth=np.inf)
+        count = min(max(before_last, 1), self.max_steps - control.steps)
+        return self.end_steps(*world.make_steps(engine, control, limits, count))
+
     def close(self, end: End) -> None:
         """Make all steps final."""
         self.recorder.close()

@@ -26,11 +26,13 @@ from foldback.planner.core.structures import (
     ArticulatedBodies,
     ChainModel,
     ContactModel,
+    ControlLimits,
     DetectedContacts,
     Loads,
     Lumps,
     ModuleStates,
     PairContacts,
+    SteppedChain,
 )
 from foldback.planner.errors import SimulationError
 from foldback.planner.simulation.mujoco_models import Material
@@ -214,6 +216,12 @@ class SpringChain(Engine):
         """Set the rotor inertias of (J,) hinges, module mass · pitch²."""
         self.rotor_inertias = inertias
 
+    def stepped_chain(self, contact_model: ContactModel, control: ControlLimits) -> SteppedChain:
+        """Return the chain as kernels that make steps take it."""
+        return SteppedChain(
+            self.chain_model, self.rotor_inertias, self.stop_rad, contact_model, control
+        )
+
     def free_accelerations(self, state: State, forces: Array) -> Acceleration:
         """Return the acceleration of a state without contacts, no hinge at its stop.
 
@@ -226,11 +234,12 @@ class SpringChain(Engine):
         Raises:
             SimulationError: The accelerations are not finite.
         """
-        return self._contact_accelerations(state, forces, None)
+        return self.contact_accelerations(state, forces, None)
 
-    def _contact_accelerations(
+    def contact_accelerations(
         self, state: State, forces: Array, contacts: DetectedContacts | None
     ) -> Acceleration:
+        """Return the acceleration of a placed state under contacts, see ``free_accelerations``."""
         accelerations = self.constrained(state, self._loads(state, forces), contacts)
         return _reduced(state, accelerations, contacts)
 

@@ -19,9 +19,9 @@ import numpy as np
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
 from foldback.planner.core import least_separation, write_root_velocities, write_state
-from foldback.planner.core.structures import ModuleStates, SegmentLayout
+from foldback.planner.core.structures import ModuleStates, PairContacts, SegmentLayout
 from foldback.planner.errors import SimulationError
-from foldback.planner.simulation.engine import SpringChain, build_chain_model, detected_contacts
+from foldback.planner.simulation.engine import SpringChain, build_chain_model, found_contacts
 from foldback.planner.simulation.lazy_mujoco import mujoco
 from foldback.planner.simulation.mujoco_models import (
     SEGMENT_MODULES,
@@ -81,10 +81,6 @@ class Segments(SpringChain):
         option.tolerance = 1e-6
         option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)
         self.model.body_invweight0[:] *= 1e-4
-
-    def set_contact_time_constant(self, seconds: float) -> None:
-        """Set the time constant of all contacts, ``solref[0]``, s."""
-        self.model.geom_solref[:, 0] = seconds
 
     def set_stiffness(self, stiffness: Array) -> None:
         """Set the stiffness of the springs of (J,) hinges."""
@@ -162,28 +158,13 @@ class Segments(SpringChain):
         )
         return separation >= MIN_FREE_GAP_PITCH
 
-    def lean_accelerations(self, state: State, forces: Array, near: Ints) -> Acceleration:
-        """Return the acceleration of a state, by the articulated-body pass.
-
-        MuJoCo only finds the contacts. ``place`` must have been called for the same state. It takes
-        a tenth of the time of ``accelerations``.
-
-        Args:
-            state: The reduced state.
-            forces: (n, 3) forces at the modules' centres, in the world frame.
-            near: (P, 2) pairs of modules that are not linked and near enough to touch.
-
-        Raises:
-            SimulationError: The accelerations are not finite.
-        """
-        if self.is_free(state, near):
-            return self.free_accelerations(state, forces)
+    def find_placed(self, state: State) -> PairContacts | None:
+        """Return the contacts of a placed state, by MuJoCo's collision; None if there are none."""
         data = self.data
         self._write(state)
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_collision(self.model, data)
-        contacts = detected_contacts(self.model, data, self._module_of_geom)
-        return self._contact_accelerations(state, forces, contacts)
+        return found_contacts(data, self._module_of_geom)
 
     def _add_bias_to_contacts(self, state: State) -> None:
         data = self.data

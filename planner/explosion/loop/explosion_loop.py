@@ -1,10 +1,11 @@
 """The loop of an explosion: the paper's *record* (Figure 2), of parts that a strategy chooses.
 
 A ``World`` is what moves: the whole chain, rigid blocks of it, or a window. It computes its own
-forces; a window makes several steps at a time. ``StepControl`` adapts step, drag and tension,
-``Checkpoint`` is the state to restart from, ``Pulses`` loosen jams, and the ``Recorder`` chooses
-the snapshots. An ``Explosion`` holds them all and decides when to commit, what to do about a jam,
-and when the run ends: see ``simultaneous``, ``peeling.run`` and ``published_explosion``.
+forces; a window, or a chain that our own engine moves, makes several steps at a time.
+``StepControl`` adapts step, drag and tension, ``Checkpoint`` is the state to restart from,
+``Pulses`` loosen jams, and the ``Recorder`` chooses the snapshots. An ``Explosion`` holds them all
+and decides when to commit, what to do about a jam, and when the run ends: see ``simultaneous``,
+``peeling.run`` and ``published_explosion``.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any, Final, Generic, Protocol, TypeVar
 
 import numpy as np
 
+from foldback.planner.core.structures import MOVED, NOT_FINITE
 from foldback.planner.errors import SimulationError
 from foldback.planner.explosion.loop.checkpoint import Checkpoint, Pulses
 from foldback.planner.explosion.loop.recorder import Recorder
@@ -215,6 +217,24 @@ class Explosion(ABC, Generic[W, S]):
         """
         self.world.place()
         return self.record() or self.check_step(moved=step(self))
+
+    def end_steps(self, states: list[S], outcome: int) -> bool:
+        """Record the states before some steps; return False if the run restarted after them.
+
+        Args:
+            states: States before each step.
+            outcome: How the last step ended.
+
+        Raises:
+            SimulationError: When the numbers are bad and the run may not restart.
+        """
+        for state in states:
+            self.recorder.add(state)
+        if outcome == NOT_FINITE and not self.may_restart(after_error=True):
+            raise SimulationError("the accelerations became infinite or undefined.")
+        if outcome != MOVED:
+            self.restart()
+        return outcome == MOVED
 
 
 def run(explosion: Explosion[Any, Any], strategy: str) -> Record:

@@ -8,7 +8,8 @@ from typing import Final, Protocol
 import numpy as np
 
 from foldback.planner.arrays import Array, Ints
-from foldback.planner.core import repulsion
+from foldback.planner.core import chain_forces
+from foldback.planner.core.structures import RadialDrive
 from foldback.planner.explosion.loop.checkpoint import Pulses
 from foldback.planner.explosion.loop.explosion_loop import (
     PULSE_REPULSION_SCALE,
@@ -62,8 +63,9 @@ class PlacedChain(Protocol):
         """True unless blocks are rigid."""
         ...
 
-    def unfolded(self) -> float:
-        """Return the progress: 0 when folded, 1 when straight."""
+    @property
+    def folded_bend_rad(self) -> float:
+        """Sum of the bends of the folded chain, rad."""
         ...
 
 
@@ -100,30 +102,45 @@ class RadialForces:
 
     def forces(self, world: PlacedChain, control: StepControl) -> Array:
         """Return (n, 3) forces on the modules of a placed chain, and go on with the pulse."""
-        p, pulses, positions = self.parameters, self.pulses, world.engine.positions
-        weak = pulses.is_weak
-        pulses.advance()
-        creeps = self._creeps(world)
-        arms = positions - positions.mean(axis=0)
-        diameter = 2.0 * float(np.sqrt((arms**2).sum(axis=1).max()))
-        radial = self.weights[:, None] * arms / diameter
-        radial -= radial.mean(axis=0)
-        summed = float(np.sqrt((np.cumsum(radial, axis=0) ** 2).sum(axis=1).max()))
-        gain = self.tension * p.spring * control.tension / summed
-        forces = gain * (WEAK_TENSION_SCALE if weak or creeps else 1.0) * radial
-        if creeps:
-            forces += self._creep(world, control.step_s)
-        low, high = REPULSION_RAMP
-        self.looseness = float(np.clip((world.unfolded() - low) / (high - low), 0.0, 1.0))
-        push = p.repulsion_gain * (1.0 + (p.loose_repulsion - 1.0) * self.looseness)
-        push *= PULSE_REPULSION_SCALE if weak and not creeps else 1.0
-        repulsion(positions, world.pairs, push, forces)
+        positions = world.engine.positions
+        forces = np.empty_like(positions)
+        self.looseness = chain_forces(
+            self.drive(world, control),
+            control.tension,
+            world.state.angles,
+            positions,
+            world.pairs,
+            forces,
+        )
+        self.pulses.advance()
         return forces
 
-    def _creeps(self, world: PlacedChain) -> bool:
+    def drive(self, world: PlacedChain, control: StepControl) -> RadialDrive:
+        """Return strengths of the forces in the next steps of a placed chain, or in one with creep.
+
+        Without creep the chain need not be placed.
+        """
+        p, (begins, ends) = self.parameters, REPULSION_RAMP
+        creeps = self.creeps(world)
+        return RadialDrive(
+            weights=self.weights,
+            creep=self._creep(world, control.step_s) if creeps else np.zeros((0, 3)),
+            bend_rad=world.folded_bend_rad,
+            spring=p.spring,
+            tension=self.tension,
+            gain=p.repulsion_gain,
+            loose_gain=p.loose_repulsion,
+            weak_gain=PULSE_REPULSION_SCALE,
+            weak_tension=WEAK_TENSION_SCALE,
+            ramp_begins=begins,
+            ramp_ends=ends,
+            weak_steps=self.pulses.weak_steps,
+        )
+
+    def creeps(self, world: PlacedChain) -> bool:
         """Return True if the chain creeps: while it is knotted, and in every other pulse."""
         pulses = self.pulses
-        pulse = pulses.remaining_steps > 0 and pulses.count % 2 == 0 and world.all_joints_free
+        pulse = pulses.remaining_steps > 1 and pulses.count % 2 == 0 and world.all_joints_free
         return self.is_knotted or pulse
 
     def _creep(self, world: PlacedChain, step_s: float) -> Array:

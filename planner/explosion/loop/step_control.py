@@ -8,8 +8,9 @@ from typing import Final
 import numpy as np
 
 from foldback.planner.core import adapt_tension, limit_speeds
-from foldback.planner.core.structures import Controlled, ControlLimits
+from foldback.planner.core.structures import ContactModel, Controlled, ControlLimits
 from foldback.planner.parameters.explosion import ExplosionParameters, PeelingParameters
+from foldback.planner.simulation.mujoco_models import SOLIMP
 from foldback.planner.simulation.reduced_state import State
 
 WEAK_TENSION_SCALE: Final = 0.05
@@ -19,6 +20,8 @@ other motions, equally good (decision 0051)."""
 MIN_CONTACT_TIME_CONSTANT_S: Final = 0.03
 """Minimum time constant of the contact springs, s; above it, the time constant is two time steps,
 MuJoCo's limit of stability. Measured from 0.021 to 0.042: equally good (decision 0051)."""
+CONTACT_MODEL: Final = ContactModel(MIN_CONTACT_TIME_CONSTANT_S, 1.0, np.array(SOLIMP))
+"""Stiffness of contacts in an explosion; their time constant is that of the smallest steps."""
 
 
 @dataclass(frozen=True, slots=True)

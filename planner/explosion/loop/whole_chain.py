@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
-from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
-from foldback.planner.core import max_inverse_step_limit, near_pairs
-from foldback.planner.core.structures import PairLimits
+from foldback.planner.core import (
+    chain_inverse_step_limit,
+    chain_steps,
+    near_pairs,
+    unfolded_share,
+)
+from foldback.planner.core.structures import (
+    ChainLimits,
+    ChainSteps,
+    ControlLimits,
+    ExplodingChain,
+    PairLimits,
+    SteppedState,
+)
 from foldback.planner.explosion.loop.explosion_loop import UNREPELLED_LINKS
 from foldback.planner.explosion.loop.radial_forces import RadialForces
 from foldback.planner.explosion.loop.recorder import Step
-from foldback.planner.explosion.loop.step_control import StepControl
+from foldback.planner.explosion.loop.step_control import CONTACT_MODEL, StepControl
 from foldback.planner.parameters.explosion import ExplosionParameters
 from foldback.planner.simulation.mujoco_chain import MujocoChain
 from foldback.planner.simulation.mujoco_models import Material
@@ -50,8 +63,16 @@ class WholeChain:
         self.time_s = 0.0
         self.pairs = np.zeros((0, 2), dtype=np.int64)
         """(P, 2) pairs of modules that repel each other, as placed last."""
-        # The ends of a long chain go as far as it is long.
-        self._body_cap = body_cap_scale(chain) * parameters.body_cap
+        self.folded_bend_rad = folded_bend_rad(chain)
+        """Sum of the bends of the folded chain, rad."""
+        p, radius = parameters, chain.module.radius
+        self._limits = ChainLimits(
+            p.joint_cap_rad,
+            body_cap_scale(chain) * p.body_cap,  # the ends of a long chain go as far as it is long
+            p.loose_rad,
+            packed=PairLimits(radius, p.pair_cap, p.slide_cap),
+            loose=PairLimits(radius, p.pair_cap_loose, p.slide_cap),
+        )
 
     @property
     def all_joints_free(self) -> bool:
@@ -73,19 +94,59 @@ class WholeChain:
         """Return the present state as a snapshot."""
         return Step.of(self.time_s, self.state, self.engine.positions)
 
-    def accelerations(self, control: StepControl) -> Acceleration:
-        """Return the acceleration of the placed state under eq. 1 and 3."""
-        self.engine.set_contact_time_constant(control.contact_time_constant_s)
-        if isinstance(self.engine, MujocoChain):
-            self.engine.set_step(control.step_s)
-        return self.acceleration_under(self.forces.forces(self, control))
+    def make_steps(
+        self, engine: Segments, control: StepControl, limits: ControlLimits, count: int
+    ) -> tuple[list[Step], int]:
+        """Make steps until one is not finite or its contacts are too deep, or of a creep one.
 
-    def acceleration_under(self, forces: Array) -> Acceleration:
-        """Return the acceleration under (n, 3) forces on the modules."""
+        Args:
+            engine: Engine of the chain.
+            control: Step, drag and tension; they adapt.
+            limits: Limits of the control.
+            count: Maximum number of steps.
+
+        Returns:
+            The states before each step, and how the last step ended: ``MOVED``, ``TOO_DEEP`` or
+            ``NOT_FINITE``.
+        """
+        state, forces = self.state, self.forces
+        if forces.creeps(self):
+            engine.place(state)
+            count = 1
+        steps = ChainSteps.empty(count, len(state.angles), len(self.chain))
+        done, forces.looseness = chain_steps(
+            ExplodingChain(
+                engine.stepped_chain(CONTACT_MODEL, limits),
+                self.chain.module.hull,
+                self.material.geom_size,
+                self.parameters.repulsion_cutoff,
+                UNREPELLED_LINKS + 1,
+                self._limits,
+            ),
+            forces.drive(self, control),
+            SteppedState(
+                state.reduced, engine.modules, engine.stiffness, control.controlled, self.time_s
+            ),
+            partial(engine.find_placed, state),
+            steps,
+        )
+        forces.pulses.advance(done.made)
+        self.time_s = done.time_s
+        control.go_on_with(done.control)
+        times = steps.time_s[: done.made].tolist()
+        return [
+            Step(time_s=t, angles=angles, position=position, rotation=rotation, centres=centres)
+            for t, angles, position, rotation, centres in zip(times, *steps[1:], strict=False)
+        ], done.outcome
+
+    def accelerations(self, control: StepControl) -> Acceleration:
+        """Return MuJoCo's acceleration of the placed state under eq. 1 and 3."""
         engine = self.engine
-        if isinstance(engine, Segments):
-            return engine.lean_accelerations(self.state, forces, self.pairs)
-        return engine.accelerations(self.state, forces)
+        assert not isinstance(engine, Segments)
+        engine.set_contact_time_constant(control.contact_time_constant_s)
+        if isinstance(engine, MujocoChain):
+            engine.set_step(control.step_s)
+        return engine.accelerations(self.state, self.forces.forces(self, control))
 
     def advance(self, step_s: float) -> None:
         """Integrate the configuration."""
@@ -96,20 +157,9 @@ class WholeChain:
 
     def inverse_step_limit(self) -> float:
         """Return 1/Δt_max, 1/s, of hinges, near modules, and all modules."""
-        p = self.parameters
         state, engine = self.state, self.engine
         engine.place(state)
-        loose = np.abs(state.angles).max() < p.loose_rad
-        limits = PairLimits(
-            radius=self.chain.module.radius,
-            approach=p.pair_cap_loose if loose else p.pair_cap,
-            slide=p.slide_cap,
-        )
-        return max(
-            float(np.abs(state.rates).max()) / p.joint_cap_rad,
-            max_inverse_step_limit(engine.modules, self.pairs, limits),
-            float(np.sqrt((engine.velocities**2).sum(axis=1).max())) / self._body_cap,
-        )
+        return chain_inverse_step_limit(state.reduced, engine.modules, self.pairs, self._limits)
 
     def limit_hinges(self) -> None:
         """Leave no hinge beyond its stop; rigid blocks have none."""
@@ -118,7 +168,7 @@ class WholeChain:
 
     def unfolded(self) -> float:
         """Return the progress, 0 to 1: half by the joints' bends, half by the chain's span."""
-        return unfolded_share(self.chain, self.state.angles, self.engine.positions)
+        return unfolded_share(self.state.angles, self.engine.positions, self.folded_bend_rad)
 
 
 def body_cap_scale(chain: Chain) -> float:
@@ -135,9 +185,7 @@ def chain_at_rest(chain: Chain) -> State:
     )
 
 
-def unfolded_share(chain: Chain, angles: Array, positions: Array) -> float:
-    """Return the progress of a chain, 0 to 1: half by its bends, half by its span."""
+def folded_bend_rad(chain: Chain) -> float:
+    """Return the sum of the bends of the folded chain, rad; not 0."""
     # A chain that folds into a line has nothing to unbend.
-    bent = np.abs(angles).sum() / max(np.abs(chain.folded_rad).sum(), 1e-9)
-    span = np.linalg.norm(positions[-1] - positions[0]) / (len(positions) - 1)
-    return float(0.5 * (1.0 - bent) + 0.5 * span)
+    return max(float(np.abs(chain.folded_rad).sum()), 1e-9)

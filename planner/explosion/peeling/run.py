@@ -9,8 +9,6 @@ from typing import ClassVar, Final, Protocol
 import numpy as np
 
 from foldback.planner.arrays import Array
-from foldback.planner.core.structures import MOVED, NOT_FINITE
-from foldback.planner.errors import SimulationError
 from foldback.planner.explosion.loop.checkpoint import (
     MAX_CHECKPOINT_RETRIES,
     MAX_STALLED_PULSES,
@@ -146,14 +144,7 @@ class Peeling(Explosion[Window, WindowConfiguration]):
             CHECK_STEPS - control.steps % CHECK_STEPS,
             self.max_steps - control.steps,
         )
-        configurations, outcome = self.world.make_steps(control, count)
-        for configuration in configurations:
-            self.recorder.add(configuration)
-        if outcome == NOT_FINITE and not self.may_restart(after_error=True):
-            raise SimulationError("the accelerations became infinite or undefined.")
-        if outcome != MOVED:
-            self.restart()
-        return outcome == MOVED
+        return self.end_steps(*self.world.make_steps(control, count))
 
     def close(self, end: End) -> None:
         """Make all steps final."""

@@ -17,33 +17,30 @@ from foldback.planner.chain.chain import Chain
 from foldback.planner.core import FIXED, chain_poses
 from foldback.planner.core.structures import (
     BentWindow,
-    ContactModel,
     CoreCells,
     CoreField,
     PairContacts,
     PairLimits,
     StepLimits,
+    SteppedState,
     StepsDone,
     WindowBody,
-    WindowState,
     WindowSteps,
 )
 from foldback.planner.explosion.loop.step_control import (
-    MIN_CONTACT_TIME_CONSTANT_S,
+    CONTACT_MODEL,
     StepControl,
 )
 from foldback.planner.explosion.peeling.core import Core, CoreOnTable, distance_at
 from foldback.planner.parameters.explosion import PeelingParameters
 from foldback.planner.simulation.contact_finder import ContactFinder
 from foldback.planner.simulation.fixed_base_window import FixedBaseWindow
-from foldback.planner.simulation.mujoco_models import SOLIMP, Material
+from foldback.planner.simulation.mujoco_models import Material
 from foldback.planner.simulation.reduced_state import State
 
 MIN_LAST_UNIT_MODULES: Final = 6
 """Minimum number of modules of the last group that is released from the folded core; if fewer would
 remain, they are released together with the group before."""
-CONTACT_MODEL: Final = ContactModel(MIN_CONTACT_TIME_CONSTANT_S, 1.0, np.array(SOLIMP))
-"""Stiffness of contacts in a peeling; their time constant is that of the smallest steps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -281,7 +278,7 @@ class WindowRun:
         steps: States before each step; written.
     """
 
-    state: WindowState
+    state: SteppedState
     control: StepControl
     find: Callable[[], PairContacts | None]
     steps: WindowSteps
@@ -384,7 +381,7 @@ class Window:
         """
         setting, model, state = self.setting, self.model, self.state
         steps = WindowSteps.empty(count, len(state.angles), self.modules)
-        window_state = WindowState(
+        window_state = SteppedState(
             state.reduced, model.modules, model.stiffness, control.controlled, self.time_s
         )
         run = WindowRun(window_state, control, setting.finder.find_placed, steps)
@@ -407,19 +404,15 @@ class Window:
 
     def _body(self, control: StepControl) -> WindowBody:
         """Return the window as kernels take it."""
-        p, model = self.setting.parameters, self.model
+        p = self.setting.parameters
         return WindowBody(
-            model.chain_model,
-            model.rotor_inertias,
-            model.stop_rad,
+            self.model.stepped_chain(CONTACT_MODEL, control.limits),
             self.held.cells,
             self.rod_modules,
             self.setting.finder.bodies,
-            CONTACT_MODEL,
             p.repulsion_cutoff,
             p.loose_rad,
             *self._limits,
-            control.limits,
         )
 
     def unfolded(self) -> float:

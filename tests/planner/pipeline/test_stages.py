@@ -10,6 +10,7 @@ import pytest
 from foldback.planner.certificate.certificate import Place
 from foldback.planner.chain.chain import Chain
 from foldback.planner.errors import SimulationError
+from foldback.planner.explosion.loop.whole_chain import WholeChain
 from foldback.planner.explosion.simultaneous import explode
 from foldback.planner.motion.record import Record
 from foldback.planner.motion.timeline import Timeline, TimelineWriter
@@ -19,8 +20,6 @@ from foldback.planner.plan.plan import Plan
 from foldback.planner.playback.playback import Playback
 from foldback.planner.progress import STAGES, Progress
 from foldback.planner.reasons import Reason, ReasonCode
-from foldback.planner.simulation.reduced_state import Acceleration
-from foldback.planner.simulation.segments import Segments
 from tests.planner.folds import compare_motions, falsify, intercept, untimed, write_request
 
 pytestmark = pytest.mark.slow
@@ -107,12 +106,12 @@ def test_failed_explosion_in_the_directory_of_a_good_fold_gives_a_failed_plan(
 ) -> None:
     (copy / "picture.png").write_bytes(b"of the shape before")
 
-    def broken(number: int, original: Any, *arguments: Any) -> Acceleration:
-        if number > 20:
+    def broken(number: int, original: Any, *arguments: Any) -> Any:
+        if number > 1:
             raise SimulationError("it blew up.")
         return original(*arguments)
 
-    intercept(monkeypatch, Segments, "free_accelerations", broken)
+    intercept(monkeypatch, WholeChain, "make_steps", broken)
     _, explode, play_back, certify, export = run(
         write_request(copy, strategy="simultaneous"), *STAGES
     )

@@ -12,6 +12,7 @@ from foldback.planner.simulation.reduced_state import Acceleration, State
 from foldback.planner.simulation.segments import Segments
 from tests.case import case
 from tests.planner.chains import Array, coil, folded_state, line, near_pairs_of, random_state
+from tests.planner.explosion import chain_reference
 from tests.planner.mujoco_tree import accelerate, solve_exactly
 
 MATERIAL = Material(geom_size=0.5, stiffness=3.0, armature=10.0)
@@ -123,8 +124,7 @@ def test_contacts_push_a_chain_with_hinges_at_their_stops(seed: int) -> None:
     assert (outwards != 0.0).sum() >= 8
     segments = Segments(chain, Material(geom_size=1.0, stiffness=3.0, stop_rad=stop_rad))
     segments.place(state)
-    near = near_pairs_of(40)
-    acceleration = segments.lean_accelerations(state, forces, near)
+    acceleration = chain_reference.accelerations(segments, state, forces)
     assert acceleration.contacts > 2
     assert (outwards * acceleration.hinges < 1e-6).all()
     indices = np.flatnonzero((outwards != 0.0) & (np.abs(acceleration.hinges) < 1e-6))
@@ -139,24 +139,20 @@ def test_contacts_push_a_chain_with_hinges_at_their_stops(seed: int) -> None:
         assert outwards[hinge] * freed.hinges[hinge] > 0.0
 
 
-def test_method_for_many_contacts_agrees_with_the_exact_one(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_method_for_many_contacts_agrees_with_the_exact_one() -> None:
     modules = 90
     # The iterative solver for many contacts approximates the forces of the exact one.
     chain = coil(modules)
     segments = Segments(chain, Material(geom_size=1.0, stiffness=3.0, armature=10.0))
-    near = near_pairs_of(modules)
     state = State.at_rest(0.99 * chain.folded_rad, np.zeros(3), np.eye(3))
     rng = np.random.default_rng(modules)
     state.angles += 0.01 * rng.normal(size=len(state.angles))
     segments.place(state)
     forces = 3.0 * rng.normal(size=(modules, 3))
-    exact = segments.lean_accelerations(state, forces, near)
+    exact = chain_reference.accelerations(segments, state, forces)
     assert exact.contacts > 2
     free = segments.free_accelerations(state, forces)
-    monkeypatch.setattr("foldback.planner.simulation.engine.MAX_DIRECT_CONTACTS", 0)
-    nearly = segments.lean_accelerations(state, forces, near)
+    nearly = chain_reference.accelerations(segments, state, forces, max_direct=0)
     assert difference(free, exact) > 0.1
     # They differ, because the compliance of a contact is that of two unlinked modules.
     assert difference(nearly, exact) < 0.05
