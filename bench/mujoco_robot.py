@@ -13,8 +13,8 @@ from bench.sections import Section
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.workspace import Workspace
-from foldback.planner.playback.chain_run import Run
 from foldback.planner.playback.reference_trajectory import ReferenceTrajectory
+from foldback.planner.playback.robot_run import RobotRun, fold_with_robots
 from foldback.planner.playback.robot_runs import mujoco_trajectory
 from foldback.planner.progress import never, silent
 from foldback.planner.readers.gallery import gallery
@@ -53,15 +53,13 @@ def _row(name: str, data: bytes, reference_seconds: float) -> dict[str, Any]:
     trajectory = ReferenceTrajectory(
         chain, record, parameters.playback, parameters.module_size, 0.0, 1, None
     )
-    runs, seconds = list[Run](), list[float]()
+    runs, seconds = list[RobotRun](), list[float]()
     for in_mujoco in (False, True):
         began_s = processor_seconds()
         path = mujoco_trajectory(trajectory) if in_mujoco else trajectory
         if path is None:
             return {"shape": name, "modules": len(chain), "MuJoCo": "takes too long"}
-        run = Run(path, [0, 0])
-        run.simulate(silent, never)
-        runs.append(run)
+        runs += fold_with_robots(path, [[0, 0]], None, silent, never)
         seconds.append(processor_seconds() - began_s)
     own_run, in_mujoco = runs
     difference = own_run.frames.joint_angles_rad - in_mujoco.frames.joint_angles_rad

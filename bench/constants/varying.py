@@ -36,9 +36,9 @@ from foldback.planner.parameters.playback import PlaybackParameters
 from foldback.planner.pipeline.fold import fold, smooth_plan
 from foldback.planner.plan.plan import Plan
 from foldback.planner.playback import (
-    chain_run,
     reference_curve,
     reference_trajectory,
+    robot_run,
     setpoints,
     time_scaling,
 )
@@ -81,7 +81,7 @@ NUMBERS: Final[dict[str, dict[ModuleType | type, tuple[str, ...]]]] = {
     },
     "playback": {
         PlaybackParameters: ("spacing_rad", "distance_weight", "steps_per_rad", "bandwidth"),
-        chain_run: ("FRAME_MOVE_PITCH", "MAX_FRAME_STEPS"),
+        robot_run: ("FRAME_MOVE_PITCH", "MAX_FRAME_STEPS"),
         reference_curve: (
             *("REFERENCE_CLEARANCE_PITCH", "JOINT_LIMIT_MARGIN_RAD", "ARC_LENGTH_PER_TURN"),
         ),

@@ -47,9 +47,9 @@ from foldback.planner.core.structures import (
     Pairs,
     RadialDrive,
     ReducedState,
-    RobotBody,
     RobotServos,
     RobotStates,
+    RobotTeam,
     Schedule,
     SegmentLayout,
     ServoTarget,
@@ -300,26 +300,25 @@ def remove_net_momentum(
     """
 
 def robot_steps(
-    robot: RobotBody,
+    team: RobotTeam,
     targets: ServoTargets,
     noise: Array,
     state: ReducedState,
     modules: ModuleStates,
     out: RobotStates,
-) -> int:
-    """Make steps of a robot until modules touch or a hinge is at its stop.
+    made: Ints,
+) -> None:
+    """Make steps of robots until all are made, or modules touch or a hinge is at its stop.
 
     Args:
-        robot: The robot, a free chain.
+        team: R robots, free chains.
         targets: S setpoints for the ends of the steps.
-        noise: (S, J) noise of the encoders, in rad.
-        state: Changed.
-        modules: Poses and velocities of all modules; changed.
-        out: Written: the states after the steps that were made.
-
-    Returns:
-        The number of steps that were made: S, or the one before which the loop ended. The next one
-        is not finite, or needs contacts or stops.
+        noise: (R, S, J) noise of the encoders, in rad.
+        state: Changed; the robots are the first axis of each array.
+        modules: Poses and velocities of all modules of the state, changed; (R, n, …).
+        out: States after the steps that are made, written; those before them are left.
+        made: (R,) number of steps that each robot has made, changed. Where it stays below S, the
+            next step needs contacts or stops, or would not be finite.
     """
 
 def write_free_bodies(positions: Array, rotations: Array, bodies: FreeBodies) -> None:

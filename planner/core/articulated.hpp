@@ -23,6 +23,26 @@ namespace foldback {
 // under load.
 constexpr double LOCKED_INERTIA = 1e15;
 
+// Rigid bodies at both ends of a chain, as `Lumps` of Python.
+template <class T>
+struct LumpPair {
+  T masses[2];
+  Vector<T> centres[2];
+  Matrix<T> axes[2];
+  Vector<T> moments[2];
+};
+
+inline LumpPair<double> lump_pair(const Lumps &lumps) {
+  LumpPair<double> pair;
+  for (int end = 0; end < 2; ++end) {
+    pair.masses[end] = lumps.masses[end];
+    pair.centres[end] = load(lumps.centres[end].data());
+    pair.axes[end] = load_matrix(lumps.axes[end].data());
+    pair.moments[end] = load(lumps.moments[end].data());
+  }
+  return pair;
+}
+
 // State of a chain of n modules, and the forces on it. Arrays are laid out as in `ChainModel`,
 // `ModuleStates` and `Loads` of Python, with a number or several lanes for each element.
 template <class T>
@@ -34,6 +54,7 @@ struct ChainDynamics {
   const T *torques, *rotor_inertias;
   const Vector<T> *forces;
   Vector<T> end_torque;
+  LumpPair<T> lumps;
 };
 
 // Articulated-body quantities of the joint before each of n modules, of K hinges: S and U (n, K),
@@ -60,12 +81,12 @@ struct Lump {
 
 // The lump of the first (0) or the last (1) module, whose orientation is given.
 template <class T>
-Lump<T> lump_in_world(const Lumps &lumps, int end, const Matrix<T> &rotation) {
-  Lump<T> lump{rotate(rotation, lumps.centres[end].data()), {}};
-  Matrix<T> axes = multiply(rotation, load_matrix(lumps.axes[end].data()));
+Lump<T> lump_in_world(const LumpPair<T> &lumps, int end, const Matrix<T> &rotation) {
+  Lump<T> lump{rotate(rotation, &lumps.centres[end].x), {}};
+  Matrix<T> axes = multiply(rotation, lumps.axes[end]);
   for (int k = 0; k < 3; ++k) {
     Vector<T> axis{axes(0, k), axes(1, k), axes(2, k)};
-    lump.inertia.add_outer(axis, scaled(axis, lumps.moments(end, k)));
+    lump.inertia.add_outer(axis, scaled(axis, lumps.moments[end][k]));
   }
   return lump;
 }
@@ -130,9 +151,9 @@ class ArticulatedBodyAlgorithm {
   // (Featherstone, 2008, chapter 2).
   void add_lump(const ChainDynamics<T> &chain, int end, Index i, SpatialInertia<T> &I,
                 Spatial<T> &p) {
-    double mass = model_.lumps.masses[end];
-    if (mass == 0.0) return;
-    Lump<T> lump = lump_in_world(model_.lumps, end, chain.rotations[i]);
+    T mass = chain.lumps.masses[end];
+    if (is_zero(mass)) return;
+    Lump<T> lump = lump_in_world(chain.lumps, end, chain.rotations[i]);
     const Vector<T> &omega = chain.angular_velocities[i];
     Vector<T> inward = scaled(centripetal(omega, lump.arm), mass);
     p = p + Spatial<T>{cross(omega, lump.inertia.times(omega)) + cross(lump.arm, inward), inward};
@@ -205,7 +226,7 @@ class ArticulatedBodyAlgorithm {
     IA.write(bodies.root_inertia);
     if (model_.fixed_base) {
       for (int k = 0; k < 36; ++k) bodies.root_inertia[k] = T{} + (k % 7 == 0 ? LOCKED_INERTIA : 0);
-      *bodies.root_acceleration = {};
+      *bodies.root_acceleration = Spatial<T>{};
       return;
     }
     *bodies.root_acceleration = solve(bodies.root_inertia, scaled(pA, -1.0));

@@ -40,7 +40,8 @@ inline ChainDynamics<double> dynamics_of(const ChainModel &model, const ReducedS
           loads.torques.data(),
           loads.rotor_inertias.data(),
           vectors(loads.forces.data()),
-          load(loads.end_torque.data())};
+          load(loads.end_torque.data()),
+          lump_pair(model.lumps)};
 }
 
 }  // namespace foldback

@@ -346,35 +346,43 @@ class ServoTargets(NamedTuple):
     feedforward: Array
 
 
-class RobotBody(NamedTuple):
-    """A robot of which all hinges are simulated.
+class RobotTeam(NamedTuple):
+    """R robots of the same chain, which differ in masses, friction and encoders alone.
 
     Attributes:
-        model: Inertial parameters of its chain.
-        servos: Its servos.
+        joint: The module's joint.
+        masses: (R, n) masses of the modules.
+        inertia: (3,) principal moments of a module of mass 1 about its centre.
+        lumps: Rigid bodies at both ends, the robots being the first axis.
+        root: Index of the module whose pose is part of the state.
+        servos: Their servos: offsets and friction are (R, J).
         hull: Full-size hull of a module.
         size: Scale of the hull for contacts.
-        centre: (3,) centre of mass, which stays where it is, in pitches.
+        centres: (R, 3) centres of mass, which stay where they are, in pitches.
         step_s: Time step h.
         stop_rad: Angle of the stops, either way.
     """
 
-    model: ChainModel
+    joint: Joint
+    masses: Array
+    inertia: Array
+    lumps: Lumps
+    root: int
     servos: RobotServos
     hull: Hull
     size: float
-    centre: Array
+    centres: Array
     step_s: float
     stop_rad: float
 
 
 class RobotStates(NamedTuple):
-    """States of a robot after each of S steps, see ``ReducedState``.
+    """States of R robots before S steps and after each, see ``ReducedState``.
 
     Attributes:
-        q, qd: (S, J) hinge angles and rates.
-        position, rotation: (S, 3), (S, 3, 3) pose of the root.
-        torques: (S, J) torques of the motors in each step.
+        q, qd: (R, S + 1, J) hinge angles and rates.
+        position, rotation: (R, S + 1, 3), (R, S + 1, 3, 3) pose of the root.
+        torques: (R, S, J) torques of the motors in each step.
     """
 
     q: Array
@@ -384,14 +392,14 @@ class RobotStates(NamedTuple):
     torques: Array
 
     @classmethod
-    def empty(cls, steps: int, hinges: int) -> RobotStates:
-        """Return uninitialised arrays for a number of steps and hinges."""
+    def empty(cls, robots: int, steps: int, hinges: int) -> RobotStates:
+        """Return uninitialised arrays for a number of robots, steps and hinges."""
         return cls(
-            np.empty((steps, hinges)),
-            np.empty((steps, hinges)),
-            np.empty((steps, 3)),
-            np.empty((steps, 3, 3)),
-            np.empty((steps, hinges)),
+            np.empty((robots, steps + 1, hinges)),
+            np.empty((robots, steps + 1, hinges)),
+            np.empty((robots, steps + 1, 3)),
+            np.empty((robots, steps + 1, 3, 3)),
+            np.empty((robots, steps, hinges)),
         )
 
 

@@ -79,9 +79,9 @@ void store(const Matrix<T> &m, T *out) {
   for (int k = 0; k < 9; ++k) out[k] = m.e[k];
 }
 
-// R v, where v is the same in all lanes.
-template <class T>
-Vector<T> rotate(const Matrix<T> &r, const double *v) {
+// R v; a v of numbers is the same in all lanes.
+template <class T, class U>
+Vector<T> rotate(const Matrix<T> &r, const U *v) {
   return {r.e[0] * v[0] + r.e[1] * v[1] + r.e[2] * v[2],
           r.e[3] * v[0] + r.e[4] * v[1] + r.e[5] * v[2],
           r.e[6] * v[0] + r.e[7] * v[1] + r.e[8] * v[2]};

@@ -119,7 +119,7 @@ class PlaybackParameters:
         direct_steps: Number of steps in which the baseline's target goes from straight to folded.
         simulated_modules: Longest chain that is simulated, in modules; longer ones are played back
             by kinematics.
-        max_steps: Number of steps after which the playback gives up.
+        max_steps: Number of steps after which a playback without robots gives up.
     """
 
     controller: str = described("robot", "Controller")

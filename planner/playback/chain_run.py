@@ -20,7 +20,6 @@ from foldback.planner.playback.setpoints import Setpoints, Target
 from foldback.planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
 from foldback.planner.reasons import Reason
 from foldback.planner.reasons import ReasonCode as Code
-from foldback.planner.simulation.robot import Robot
 
 PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
 FRAME_MOVE_PITCH: Final = 0.2
@@ -75,20 +74,24 @@ class PlaybackRun:
             return True
         if cancelled():
             return False
+        self.report(progress, fraction, message)
+        return True
+
+    def report(self, progress: Report, fraction: float, message: str, *, robots: int = 1) -> None:
+        """Report the progress of this run and of those of other robots beside it, in time."""
         now, (reported, steps) = time.perf_counter(), self._reported
         if now - reported >= PROGRESS_PERIOD_S:
             progress(
                 Progress(
                     stage="play_back",
                     fraction=min(fraction, 0.99),
-                    steps=self.steps,
-                    steps_per_second=(self.steps - steps) / (now - reported),
+                    steps=robots * self.steps,
+                    steps_per_second=robots * (self.steps - steps) / (now - reported),
                     simulated_s=self.steps * self.step_s,
                     message=message,
                 )
             )
             self._reported = now, self.steps
-        return True
 
     def lost(self, first: int, errors: Array, fraction: float) -> Reason:
         """Return the reason why a robot has lost a hinge.
@@ -114,32 +117,27 @@ class PlaybackRun:
 
 
 class Run(PlaybackRun):
-    """Simulation of one robot, or of the ideal chain, that folds.
+    """Simulation of the ideal chain, or of a chain with the motors of a baseline, step by step.
 
     Args:
         trajectory: Reference and time scalings.
-        seed: Seed of the robot's model errors.
         sink: Receives the frames as they are made; None if nobody follows.
     """
 
     def __init__(
-        self,
-        trajectory: ReferenceTrajectory,
-        seed: list[int],
-        sink: Callable[[Motion], None] | None = None,
+        self, trajectory: ReferenceTrajectory, sink: Callable[[Motion], None] | None = None
     ) -> None:
         super().__init__(trajectory.chain, trajectory.step_s)
         self.trajectory = trajectory
         self.finer = trajectory.finer
         self.rest_frames: list[int] = []
-        self.plant, self.drive = build_plant(trajectory, seed)
+        self.plant, self.drive = build_plant(trajectory)
         self.plant.place(*trajectory.begins)
-        self.drifts = not isinstance(self.plant, Robot) and (
+        self.drifts = (
             trajectory.unfolding is not None
-            or trajectory.parameters.controller in ("robot", "computed-torque")
+            or trajectory.parameters.controller == "computed-torque"
         )
-        """True if momentum that integration adds is to be removed: large steps add some. Robots
-        remove it themselves."""
+        """True if momentum that integration adds is to be removed: large steps add some."""
         self._recorder = FrameRecorder(trajectory.start_s, self.step_s, sink)
         self._last_centres = np.zeros((0, 3))
 
@@ -220,10 +218,7 @@ class Run(PlaybackRun):
         )
 
     def _is_due(self, angles: Array, target: Target, phase: Phase) -> bool:
-        """Return True if a frame is due: the target has moved far enough, or the chain has.
-
-        With several robots the target alone decides: all keep frames at the same steps.
-        """
+        """Return True if a frame is due: the target has moved far enough, or the chain has."""
         last, turn, way = self._recorder.last, 0.01 / self.finer, FRAME_MOVE_PITCH / self.finer
         if last is None or target.rests or self.steps - last.step >= MAX_FRAME_STEPS:
             return True
@@ -232,9 +227,6 @@ class Run(PlaybackRun):
             return turned >= 0.08 / self.finer  # frames lie on straight lines
         if turned >= turn:
             return True
-        if self.trajectory.robots > 1:
-            distance = abs(target.gone_rad - last.target.gone_rad)
-            return distance >= way * self.trajectory.parameters.distance_weight
         moved = self.plant.centres - self._last_centres
         return bool(np.abs(angles - last.angles).max() >= turn) or bool(
             (moved**2).sum(axis=1).max() >= way * way
@@ -252,8 +244,7 @@ class Run(PlaybackRun):
                 root_wxyz=plant.root_wxyz,
             )
         )
-        if self.trajectory.robots == 1:
-            self._last_centres = plant.centres
+        self._last_centres = plant.centres
 
     def final_error(self) -> float:
         """Return the RMS distance of the modules from the folded shape, pitches, aligned."""

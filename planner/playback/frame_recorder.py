@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from foldback.planner.arrays import Array
+from foldback.planner.arrays import Array, Ints
 from foldback.planner.motion.angle_encoding import quantised
 from foldback.planner.motion.motion import Motion, Phase
 from foldback.planner.playback.setpoints import Target
@@ -16,6 +16,24 @@ from foldback.planner.playback.setpoints import Target
 MAX_WAITING_FRAMES: Final = 64
 """Maximum number of frames that wait to be put together as one motion. A motion of each frame takes
 longer than the step that it shows."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RecordedFrames:
+    """F recorded frames.
+
+    Attributes:
+        steps: (F,) number of steps before each.
+        targets_rad: (F, J) planned hinge angles, rad.
+        angles_rad: (F, J) hinge angles, rad.
+        root_position, root_wxyz: (F, 3), (F, 4) pose of the root.
+    """
+
+    steps: Ints
+    targets_rad: Array
+    angles_rad: Array
+    root_position: Array
+    root_wxyz: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -58,10 +76,11 @@ class FrameRecorder:
         self._waiting: list[RecordedFrame] = []
         self._motions: list[Motion] = []
         self._references: list[Array] = []
+        self._count = 0
 
     def __len__(self) -> int:
         """Return the number of frames."""
-        return len(self._references)
+        return self._count
 
     @property
     def motion(self) -> Motion:
@@ -72,7 +91,8 @@ class FrameRecorder:
     @property
     def reference_rad(self) -> Array:
         """(F, J) planned angles at the frames, in whole steps."""
-        return quantised(np.array(self._references))
+        self.flush()
+        return quantised(np.concatenate(self._references))
 
     def append(self, frame: RecordedFrame) -> None:
         """Record a frame; its arrays must not change from now on."""
@@ -80,24 +100,40 @@ class FrameRecorder:
         if len(waiting) == MAX_WAITING_FRAMES or (waiting and waiting[-1].phase != frame.phase):
             self.flush()
         self._waiting.append(frame)
-        self._references.append(frame.target.angles.copy())
+        self._count += 1
         self.last = frame
 
     def flush(self) -> None:
         """Put the frames that wait together, and pass them on."""
-        frames = self._waiting
+        frames, self._waiting = self._waiting, []
         if not frames:
             return
-        angles = np.array([frame.angles for frame in frames])
-        motion = Motion.from_frames(
-            phase=frames[0].phase,
-            time_s=self._start_s + np.array([frame.step for frame in frames]) * self._step_s,
-            joint_angles_rad=angles,
-            root_position=np.array([frame.root_position for frame in frames]),
-            root_wxyz=np.array([frame.root_wxyz for frame in frames]),
-            joint_error_rad=np.abs(np.array([frame.target.angles for frame in frames]) - angles),
+        self._count -= len(frames)
+        self.extend(
+            frames[0].phase,
+            RecordedFrames(
+                steps=np.array([frame.step for frame in frames]),
+                targets_rad=np.array([frame.target.angles for frame in frames]),
+                angles_rad=np.array([frame.angles for frame in frames]),
+                root_position=np.array([frame.root_position for frame in frames]),
+                root_wxyz=np.array([frame.root_wxyz for frame in frames]),
+            ),
         )
-        self._waiting = []
+
+    def extend(self, phase: Phase, frames: RecordedFrames) -> None:
+        """Record frames of one phase, and pass them on."""
+        if not len(frames.steps):
+            return
+        motion = Motion.from_frames(
+            phase=phase,
+            time_s=self._start_s + self._step_s * frames.steps.astype(np.float64),
+            joint_angles_rad=frames.angles_rad,
+            root_position=frames.root_position,
+            root_wxyz=frames.root_wxyz,
+            joint_error_rad=np.abs(frames.targets_rad - frames.angles_rad),
+        )
         self._motions.append(motion)
+        self._references.append(frames.targets_rad)
+        self._count += len(frames.steps)
         if self._sink is not None:
             self._sink(motion)

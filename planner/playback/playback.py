@@ -20,12 +20,13 @@ from foldback.planner.motion.inverse_dynamics import inverse_dynamics
 from foldback.planner.motion.motion import Angles, Motion
 from foldback.planner.motion.record import Record
 from foldback.planner.parameters.playback import PlaybackParameters
-from foldback.planner.playback.chain_run import PlaybackStatus, Run
+from foldback.planner.playback.chain_run import PlaybackStatus
 from foldback.planner.playback.kinematic_playback import kinematic_frames, rests_between_places
 from foldback.planner.playback.reference_curve import resting_reference
 from foldback.planner.playback.reference_trajectory import ReferenceTrajectory
 from foldback.planner.playback.robot_runs import simulate_robots
 from foldback.planner.playback.unfolding import Unfolding
+from foldback.planner.playback.window_run import WindowRun
 from foldback.planner.playback.window_trajectory import FRAME_RAD, WindowTrajectory
 from foldback.planner.progress import Cancelled, Report, never, silent
 from foldback.planner.reasons import Reason
@@ -247,7 +248,7 @@ def play_back(
         robot_run.frames.stored_angles_rad for robot_run in runs if robot_run is not run
     ]
     frames, largest_error = run.frames, run.largest_error
-    rest_frames = tuple(run.rest_frames) or None if isinstance(run, Run) else None
+    rest_frames = None if isinstance(run, WindowRun) else tuple(run.rest_frames) or None
     if windowed:  # in single precision, frames may tell a little more
         largest_error = max(largest_error, float(frames.largest_errors.max()))
     if sink is not None and not streamed:

@@ -28,7 +28,7 @@ from foldback.planner.playback.setpoints import (
     TimedSetpoints,
     timed_torques,
 )
-from foldback.planner.playback.substeps import DividedSetpoints, divided_steps
+from foldback.planner.playback.substeps import divided_steps
 from foldback.planner.playback.time_scaling import (
     MIN_PLAYBACK_STEPS,
     TimeScaling,
@@ -39,6 +39,7 @@ from foldback.planner.playback.time_scaling import (
 )
 from foldback.planner.playback.unfolding import Unfolding
 from foldback.planner.simulation.contact_finder import ContactFinder, robot_contacts
+from foldback.planner.simulation.mujoco_robot import Substeps
 
 STRAIGHT_TORQUE_RATIO: Final = 0.02
 """Ratio of the torques near straight to those elsewhere, for each level of patience. A straight
@@ -78,6 +79,10 @@ class ReferenceTrajectory:
         """True if MuJoCo itself simulates the robots."""
         self.curves: list[tuple[Phase, Reference, TimeScaling]] = []
         """Curves in the order of the phases, each with its time scaling; none without a curve."""
+        self.torques: list[Array] = []
+        """(S + 1, J) torques along each curve that a robot without model errors needs."""
+        self.substeps: list[list[Substeps]] = []
+        """Steps along each curve, divided for robots in MuJoCo."""
         self.peak_torque = 0.0
         """Largest torque that a robot without model errors needs; 0 if it is not computed."""
         self.resting: frozenset[Phase] = frozenset()
@@ -110,15 +115,14 @@ class ReferenceTrajectory:
         robot = self.parameters.robot
         limit = robot.motor_limit * self.peak_torque
         damping = limit / robot.servo_give * robot.damping_s
-        twin, count = copy(self), 0
-        twin.by_mujoco, twin.parts = True, []
-        for phase, reference, scaling in self.curves:
-            steps = divided_steps(
-                reference, scaling, self.chain.module, limit=limit, damping=damping
-            )
-            twin.parts.append((phase, partial(DividedSetpoints, reference, scaling, steps)))
-            count += SETTLE_STEPS + sum(len(step.rates) for step in steps)
-        return twin, count
+        twin = copy(self)
+        twin.by_mujoco = True
+        twin.substeps = [
+            divided_steps(reference, scaling, self.chain.module, limit=limit, damping=damping)
+            for _, reference, scaling in self.curves
+        ]
+        parts = sum(len(step.rates) for steps in twin.substeps for step in steps)
+        return twin, parts + SETTLE_STEPS * len(self.curves)
 
     def _all_parts(
         self, record: Record | None, unfolding: Unfolding | None
@@ -165,17 +169,16 @@ class ReferenceTrajectory:
         self.curves = [("playback", references[0], scalings[0])]
         if unfolding is not None:
             self.curves.insert(0, ("unfolding", references[1], scalings[1].backwards()))
-        return [self._timed(*curve) for curve in self.curves]
-
-    def _timed(
-        self, phase: Phase, reference: Reference, scaling: TimeScaling
-    ) -> tuple[Phase, Callable[[], Setpoints]]:
-        """Return a phase that follows a curve in its time, with torques if robots follow it."""
-        torques = None
-        if self.parameters.controller == "robot":
-            torques = timed_torques(reference, scaling, self.chain.module)
-            self.peak_torque = max(self.peak_torque, float(np.abs(torques).max()))
-        return phase, lambda: TimedSetpoints(reference, scaling, torques)
+        if p.controller == "robot":
+            self.torques = [
+                timed_torques(reference, scaling, self.chain.module)
+                for _, reference, scaling in self.curves
+            ]
+            self.peak_torque = max(float(np.abs(torques).max()) for torques in self.torques)
+        return [
+            (phase, partial(TimedSetpoints, reference, scaling))
+            for phase, reference, scaling in self.curves
+        ]
 
     def _snapshots(self, snapshots: Snapshots) -> SnapshotSetpoints:
         p = self.parameters

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from threading import Event, Lock
-from typing import Final, TypeVar
+from typing import Final
 
 from foldback.planner.cpu_cores import cores
 from foldback.planner.errors import InputError
@@ -14,12 +15,16 @@ from foldback.planner.motion.motion import Motion
 from foldback.planner.parameters.explosion import MUJOCO
 from foldback.planner.playback.chain_run import Run
 from foldback.planner.playback.reference_trajectory import ReferenceTrajectory
+from foldback.planner.playback.robot_run import RobotRun, fold_with_robots
 from foldback.planner.playback.window_run import WindowRun
 from foldback.planner.playback.window_trajectory import WindowTrajectory
 from foldback.planner.progress import Cancelled, Progress, Report
 from foldback.planner.simulation.mujoco_chain import refuse_long_chain
 from foldback.planner.simulation.mujoco_tree import ROOT_DOFS
 
+AnyRun = Run | RobotRun | WindowRun
+Fold = Callable[[Report, Cancelled], Sequence[AnyRun]]
+"""Function that folds and returns its runs, given ``progress`` and ``cancelled``."""
 MAX_MUJOCO_S: Final = 1.0
 """Maximum estimated time of the processor, s, that MuJoCo may take for its own simulation of a
 robot; a longer one is left out."""
@@ -31,7 +36,7 @@ def simulate_robots(
     sink: Callable[[Motion], None] | None,
     progress: Report,
     cancelled: Cancelled,
-) -> tuple[Sequence[Run | WindowRun], Run | None]:
+) -> tuple[Sequence[AnyRun], RobotRun | None]:
     """Simulate all robots of a trajectory, and the first one by MuJoCo, too.
 
     With ``engine=mujoco``, MuJoCo simulates all of them.
@@ -55,23 +60,41 @@ def simulate_robots(
         refuse_long_chain(trajectory.chain)
         trajectory, _ = trajectory.for_mujoco()
 
-    def simulate_one(number: int, report: Report, stopped: Cancelled) -> Run | WindowRun:
-        if isinstance(trajectory, WindowTrajectory):
-            run = WindowRun(trajectory, [seed, number])
-            run.simulate(report, stopped)
-        elif in_mujoco is not None and number == trajectory.robots:
-            run = Run(in_mujoco, [seed, 0])
-            run.simulate(report, stopped)
-        else:
-            run = Run(trajectory, [seed, number], sink)
-            run.simulate(report, stopped)
-        return run
+    seeds = [[seed, number] for number in range(trajectory.robots)]
+    folds = list[Fold]()
+    if isinstance(trajectory, WindowTrajectory):
+        folds = [partial(_fold_window, trajectory, one) for one in seeds]
+    elif trajectory.contacts is None:
+        folds = [partial(_fold_by_motors, trajectory, sink)]
+    elif trajectory.by_mujoco:
+        folds = [partial(fold_with_robots, trajectory, [one], sink) for one in seeds]
+    else:
+        folds = [partial(fold_with_robots, trajectory, seeds, sink)]
+    if in_mujoco is not None:
+        folds.append(partial(fold_with_robots, in_mujoco, seeds[:1], None))
+    runs = [run for some in _beside(folds, progress, cancelled) for run in some]
+    by_mujoco = runs.pop() if in_mujoco is not None else None
+    assert by_mujoco is None or isinstance(by_mujoco, RobotRun)
+    return runs, by_mujoco
 
-    robots = trajectory.robots
-    runs = _beside(robots + (in_mujoco is not None), simulate_one, progress, cancelled)
-    by_mujoco = runs[robots] if len(runs) > robots else None
-    assert not isinstance(by_mujoco, WindowRun)
-    return runs[:robots], by_mujoco
+
+def _fold_window(
+    trajectory: WindowTrajectory, seed: list[int], progress: Report, cancelled: Cancelled
+) -> Sequence[AnyRun]:
+    run = WindowRun(trajectory, seed)
+    run.simulate(progress, cancelled)
+    return [run]
+
+
+def _fold_by_motors(
+    trajectory: ReferenceTrajectory,
+    sink: Callable[[Motion], None] | None,
+    progress: Report,
+    cancelled: Cancelled,
+) -> Sequence[AnyRun]:
+    run = Run(trajectory, sink)
+    run.simulate(progress, cancelled)
+    return [run]
 
 
 def mujoco_trajectory(
@@ -101,36 +124,26 @@ def mujoco_seconds(hinges: int, steps: int) -> float:
     return steps * (4e-5 + 2.5e-9 * dofs**2 + 1.1e-11 * dofs**3)
 
 
-R = TypeVar("R")
-
-
 def _beside(
-    robots: int,
-    fold: Callable[[int, Report, Cancelled], R],
-    progress: Report,
-    cancelled: Cancelled,
-) -> list[R]:
-    """Fold with several robots in parallel and return their results.
-
-    The result of one does not depend on the others. Most of a step is MuJoCo's, which lets other
-    threads run meanwhile.
+    folds: Sequence[Fold], progress: Report, cancelled: Cancelled
+) -> list[Sequence[AnyRun]]:
+    """Fold in parallel and return the runs; the result of one does not depend on the others.
 
     Args:
-        robots: Number of robots.
-        fold: Folds with one robot, given its number and its own ``progress`` and ``cancelled``.
+        folds: Functions that fold, given their own ``progress`` and ``cancelled``.
         progress, cancelled: Callbacks for all together.
     """
     lock, stop = Lock(), Event()
     last: dict[int, Progress] = {}
 
-    def fold_one(number: int) -> R:
+    def fold_one(number: int) -> Sequence[AnyRun]:
         def report(now: Progress) -> None:
             with lock:
                 last[number] = now
                 progress(
                     replace(
                         now,
-                        fraction=sum(state.fraction for state in last.values()) / robots,
+                        fraction=sum(state.fraction for state in last.values()) / len(folds),
                         steps=sum(state.steps for state in last.values()),
                         steps_per_second=sum(state.steps_per_second for state in last.values()),
                     )
@@ -142,11 +155,11 @@ def _beside(
                     stop.set()
             return stop.is_set()
 
-        return fold(number, report, stopped)
+        return folds[number](report, stopped)
 
-    numbers = range(robots)
-    if min(cores(), robots) == 1:
+    numbers = range(len(folds))
+    if min(cores(), len(folds)) == 1:
         return [fold_one(number) for number in numbers]
     # More than there are cores: of three on two cores, two first would take as long as four.
-    with ThreadPoolExecutor(min(2 * cores(), robots)) as threads:
+    with ThreadPoolExecutor(min(2 * cores(), len(folds))) as threads:
         return list(threads.map(fold_one, numbers))

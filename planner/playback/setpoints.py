@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, Protocol
 
 import numpy as np
 
-from foldback.planner.arrays import FRAMES_AT_ONCE, Array
+from foldback.planner.arrays import FRAMES_AT_ONCE, Array, Flags
 from foldback.planner.chain.floating_torques import floating_torques
 from foldback.planner.chain.module import Module
 from foldback.planner.core.structures import ServoTargets
 from foldback.planner.playback.reference_curve import Reference
 from foldback.planner.playback.time_scaling import TimeScaling, smooth_scaling
-from foldback.planner.simulation.mujoco_robot import Substeps
 
 SETTLE_STEPS: Final = 15
 """Number of simulation steps for which the goal angles remain the target after the motion along the
@@ -33,21 +32,14 @@ class Target:
     Attributes:
         angles, rates, accelerations: (J,) angles, rad, and their derivatives, rad/s and rad/s².
         fraction: Progress of the playback, 0 to 1.
-        gone_rad: Arc length of the reference up to there, rad, see ``record_lengths``; 0 without.
-        setpoints: Setpoints of a robot for the ends of this step and of those after it; None if
-            they are among those of an earlier target, or no robot follows.
         rests: True at a rest between two turns.
-        substeps: Parts of the step for a robot in MuJoCo; None for others.
     """
 
     angles: Array
     rates: Array
     accelerations: Array
     fraction: float
-    gone_rad: float = 0.0
-    setpoints: ServoTargets | None = None
     rests: bool = False
-    substeps: Substeps | None = None
 
 
 class Setpoints(Protocol):
@@ -58,24 +50,113 @@ class Setpoints(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TimedTargets:
+    """Targets of S steps along a reference.
+
+    Attributes:
+        angles, rates, accelerations: (S, J) angles at the beginning of each step, rad, and their
+            derivatives, rad/s and rad/s².
+        torques: (S, J) torques that a robot without model errors needs; zero if no robot follows.
+        gone_rad: (S,) arc length of the reference up to there, rad, see ``record_lengths``.
+        fractions: (S,) progress along the reference, 0 to 1.
+        rests: (S,) True at rests between two turns.
+        step_s: Time step, s.
+    """
+
+    angles: Array
+    rates: Array
+    accelerations: Array
+    torques: Array
+    gone_rad: Array
+    fractions: Array
+    rests: Flags
+    step_s: float
+
+    def __len__(self) -> int:
+        """Return the number of steps S."""
+        return len(self.angles)
+
+    @property
+    def servo_targets(self) -> ServoTargets:
+        """Setpoints of servos for the ends of the steps."""
+        rates = self.rates + self.step_s * self.accelerations
+        return ServoTargets(self.angles + self.step_s * rates, rates, self.torques)
+
+
+def timed_targets(
+    reference: Reference,
+    scaling: TimeScaling,
+    torques: Array | None = None,
+    *,
+    at_once: int = FRAMES_AT_ONCE,
+) -> Iterator[TimedTargets]:
+    """Yield the targets along a reference by a time scaling; its end is held for a moment.
+
+    Args:
+        reference: The curve.
+        scaling: Time scaling of S steps along it, either way.
+        torques: (S + 1, J) torques of the targets, from ``timed_torques``; None for none.
+        at_once: Maximum number of steps that are yielded together.
+    """
+    steps, step_s = len(scaling), scaling.step_s
+    is_rest = np.zeros(steps + 1, dtype=bool)
+    is_rest[list(scaling.rests)] = True
+    start = 0
+    for angles, rates, accelerations in _timed_motion(reference, scaling, at_once):
+        part = slice(start, start + len(angles))
+        yield TimedTargets(
+            angles=angles,
+            rates=rates,
+            accelerations=accelerations,
+            torques=np.zeros_like(angles) if torques is None else torques[part],
+            gone_rad=scaling.u[part] * reference.length_rad,
+            fractions=np.arange(steps + 1)[part] / steps,
+            rests=is_rest[part],
+            step_s=step_s,
+        )
+        start = part.stop
+    end = reference.spline(np.rint(scaling.u[-1]))
+    held = np.tile(end, (SETTLE_STEPS, 1))
+    zero = np.zeros_like(held)
+    yield TimedTargets(
+        angles=held,
+        rates=zero,
+        accelerations=zero,
+        torques=zero,
+        gone_rad=np.full(SETTLE_STEPS, scaling.u[-1] * reference.length_rad),
+        fractions=np.ones(SETTLE_STEPS),
+        rests=np.zeros(SETTLE_STEPS, dtype=bool),
+        step_s=step_s,
+    )
+
+
 class TimedSetpoints:
-    """Targets along a reference by a time scaling, either way; its end is held for a moment.
+    """Targets along a reference by a time scaling, one by one.
 
     Args:
         reference: The curve.
         scaling: Time scaling of S steps along it.
-        torques: (S + 1, J) torques of the targets, from ``timed_torques``; None for none.
     """
 
-    def __init__(
-        self, reference: Reference, scaling: TimeScaling, torques: Array | None = None
-    ) -> None:
-        self._targets = _timed_targets(reference, scaling, torques)
+    def __init__(self, reference: Reference, scaling: TimeScaling) -> None:
+        self._targets = self._one_by_one(timed_targets(reference, scaling))
 
     def target(self, angles: Array, rates: Array) -> Target | None:
         """Return the target, see ``Setpoints``."""
         del angles, rates
         return next(self._targets, None)
+
+    def _one_by_one(self, parts: Iterator[TimedTargets]) -> Iterator[Target]:
+        for targets in parts:
+            for k in range(len(targets)):
+                yield Target(
+                    angles=targets.angles[k],
+                    rates=targets.rates[k],
+                    accelerations=targets.accelerations[k],
+                    fraction=float(targets.fractions[k]),
+                    rests=bool(targets.rests[k]),
+                )
 
 
 def timed_torques(reference: Reference, scaling: TimeScaling, module: Module) -> Array:
@@ -86,7 +167,7 @@ def timed_torques(reference: Reference, scaling: TimeScaling, module: Module) ->
 
 
 def _timed_motion(
-    reference: Reference, scaling: TimeScaling
+    reference: Reference, scaling: TimeScaling, at_once: int = FRAMES_AT_ONCE
 ) -> Iterator[tuple[Array, Array, Array]]:
     """Yield angles, rates and accelerations that a chain can follow to the last digit, in chunks.
 
@@ -94,46 +175,13 @@ def _timed_motion(
     the change of q̇ divided by h: finite differences of the angles, not derivatives.
     """
     step_s, steps = scaling.step_s, len(scaling)
-    for start in range(0, steps + 1, FRAMES_AT_ONCE):
-        stop = min(start + FRAMES_AT_ONCE, steps + 1)
+    for start in range(0, steps + 1, at_once):
+        stop = min(start + at_once, steps + 1)
         # The time scaling rests before its first step and after its last one.
         u = np.clip(scaling.u[np.clip(np.arange(start - 1, stop + 1), 0, steps)], 0.0, 1.0)
         angles = reference.spline(u)
         rates = np.diff(angles, axis=0) / step_s
         yield angles[1:-1], rates[:-1], np.diff(rates, axis=0) / step_s
-
-
-def _timed_targets(
-    reference: Reference, scaling: TimeScaling, torques: Array | None
-) -> Iterator[Target]:
-    at, rests, step_s = 0, frozenset(scaling.rests), scaling.step_s
-    for angles, rates, accelerations in _timed_motion(reference, scaling):
-        steps, setpoints = len(angles), None
-        if torques is not None:
-            ends_rates = rates + step_s * accelerations
-            setpoints = ServoTargets(
-                angles + step_s * ends_rates, ends_rates, torques[at : at + steps]
-            )
-        for k in range(steps):
-            yield Target(
-                angles=angles[k],
-                rates=rates[k],
-                accelerations=accelerations[k],
-                fraction=at / len(scaling),
-                gone_rad=float(scaling.u[at]) * reference.length_rad,
-                setpoints=setpoints if k == 0 else None,
-                rests=at in rests,
-            )
-            at += 1
-    still = replace(
-        _still(reference.spline(np.rint(scaling.u[-1])), 1.0),
-        gone_rad=float(scaling.u[-1]) * reference.length_rad,
-    )
-    held = np.tile(still.angles, (SETTLE_STEPS, 1))
-    zero = np.zeros_like(held)
-    yield replace(still, setpoints=ServoTargets(held, zero, zero))
-    for _ in range(1, SETTLE_STEPS):
-        yield still
 
 
 class Backwards:

@@ -7,7 +7,6 @@ steps in which it is beyond the motors' limit are divided.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -16,7 +15,6 @@ from foldback.planner.arrays import Array, Flags, Ints
 from foldback.planner.chain.floating_torques import floating_torques
 from foldback.planner.chain.module import Module
 from foldback.planner.playback.reference_curve import Reference
-from foldback.planner.playback.setpoints import Target, TimedSetpoints
 from foldback.planner.playback.time_scaling import TimeScaling
 from foldback.planner.simulation.mujoco_robot import Substeps
 
@@ -133,26 +131,3 @@ def _parameters(scaling: TimeScaling, counts: Ints) -> Array:
     square, cube = 3.0 * turns - 2.0 * first - last, first + last - 2.0 * turns
     inside = u[1:-2][of] + s * (first[of] + s * (square[of] + s * cube[of]))
     return np.clip(np.append(inside, samples[-1]), 0.0, 1.0)
-
-
-class DividedSetpoints:
-    """Targets along a reference by a time scaling, each with the parts of its step.
-
-    Args:
-        reference: The curve.
-        scaling: Time scaling along it.
-        steps: Its steps, from ``divided_steps``.
-    """
-
-    def __init__(self, reference: Reference, scaling: TimeScaling, steps: list[Substeps]) -> None:
-        self._setpoints = TimedSetpoints(reference, scaling)
-        self._steps = iter(steps)
-        self._step_s = scaling.step_s
-
-    def target(self, angles: Array, rates: Array) -> Target | None:
-        """Return the target, see ``Setpoints``."""
-        target = self._setpoints.target(angles, rates)
-        if target is None:
-            return None
-        substeps = next(self._steps, None) or Substeps.still(target.angles, self._step_s)
-        return replace(target, substeps=substeps)

@@ -107,13 +107,16 @@ class Engine:
     Args:
         chain_model: Inertial parameters of the chain.
         stop_rad: Angle of the hinges' stops, either way.
+        modules: Arrays for poses and velocities; new ones by default.
     """
 
-    def __init__(self, chain_model: ChainModel, stop_rad: float) -> None:
+    def __init__(
+        self, chain_model: ChainModel, stop_rad: float, modules: ModuleStates | None = None
+    ) -> None:
         self.chain_model = chain_model
         self.stop_rad = stop_rad
         n, hinges = len(self.chain_model.masses), self.chain_model.joint.axes.shape[0]
-        self.modules = ModuleStates.empty(n)
+        self.modules = ModuleStates.empty(n) if modules is None else modules
         self.positions, self.rotations, self.velocities, self.spins = self.modules
         self._aba = ArticulatedBodies.zeros(n, hinges)
 

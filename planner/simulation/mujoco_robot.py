@@ -8,6 +8,7 @@ on the joints' damping, which are set anew in each step: docs/decisions/0058-a-r
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,11 +16,13 @@ import numpy as np
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.rotations import matrix_from_wxyz
+from foldback.planner.core.structures import RobotStates
 from foldback.planner.errors import SimulationError
 from foldback.planner.simulation.lazy_mujoco import mujoco
 from foldback.planner.simulation.mujoco_models import Material
 from foldback.planner.simulation.mujoco_tree import Servos, Tree
-from foldback.planner.simulation.robot import RobotErrors
+from foldback.planner.simulation.robot import FollowedSteps, RobotErrors
 
 FRICTION_SPEED_RAD_S: Final = 2e-3
 """Joint speed v₀, rad/s, in the law of dry friction, torque ∝ tanh(speed / v₀): that of all
@@ -77,40 +80,31 @@ class MujocoRobot(Tree):
         # actuator force limits the same torque and keeps the damping.
         model.jnt_actfrclimited[at.joints] = True
         model.jnt_actfrcrange[at.joints] = (-errors.limit, errors.limit)
-        self._substeps = Substeps.still(np.zeros(len(at.dofs)), step_s)
-        self._torques = np.zeros(len(at.dofs))
 
-    @property
-    def centres(self) -> Array:
-        """(n, 3) centres of the modules relative to their mean, pitches."""
-        mujoco.mj_kinematics(self.model, self.data)
-        return super().centres
+    def follow(self, steps: Sequence[Substeps]) -> FollowedSteps:
+        """Make S steps, each in as many steps of MuJoCo as it has parts."""
+        states = RobotStates.empty(1, len(steps), len(self.indices.dofs))
+        self._write_state(states, 0)
+        followed = FollowedSteps(states=states, made=np.zeros(1, np.int64), broken={})
+        try:
+            for k, parts in enumerate(steps):
+                self.model.opt.timestep = parts.step_s
+                for target in zip(parts.angles, parts.rates, parts.torques, strict=True):
+                    states.torques[0, k] = self._step(*target)
+                self.stop_drifting()
+                self._write_state(states, k + 1)
+                followed.made[0] += 1
+        except SimulationError as error:
+            followed.broken[0] = error
+        return followed
 
-    @property
-    def motor_torques(self) -> Array:
-        """(J,) torques of the motors in the last step, their damping at its end."""
-        return self._torques
+    def _write_state(self, states: RobotStates, row: int) -> None:
+        states.q[0, row], states.qd[0, row] = self.angles, self.rates
+        states.position[0, row] = self.data.qpos[:3]
+        states.rotation[0, row] = matrix_from_wxyz(self.data.qpos[3:7])
 
-    def begin_step(self) -> None:
-        """Do nothing: the whole step is made at its end."""
-
-    def follow(self, substeps: Substeps) -> None:
-        """Set the targets of the coming step."""
-        self._substeps = substeps
-
-    def end_step(self) -> None:
-        """Make one step, in as many steps of MuJoCo as it has parts.
-
-        Raises:
-            SimulationError: MuJoCo warns of bad numbers.
-        """
-        parts = self._substeps
-        self.model.opt.timestep = parts.step_s
-        for target in zip(parts.angles, parts.rates, parts.torques, strict=True):
-            self._step(*target)
-
-    def _step(self, angles: Array, rates: Array, torques: Array) -> None:
-        """Make one step of MuJoCo.
+    def _step(self, angles: Array, rates: Array, torques: Array) -> Array:
+        """Make one step of MuJoCo, and return the motors' torques, their damping at its end.
 
         Args:
             angles: (J,) targets at the beginning of the step, where MuJoCo evaluates kp, rad.
@@ -132,7 +126,7 @@ class MujocoRobot(Tree):
         if not np.isfinite(self.data.qpos).all():
             raise SimulationError("the simulated state became infinite or undefined.")
         forces = self.data.qfrc_actuator[self.indices.dofs]
-        self._torques = forces - errors.damping * (self.rates - present_rates)
+        return forces - errors.damping * (self.rates - present_rates)
 
     def _integrate(self) -> None:
         """Make one step of MuJoCo, without the momentum that the last one has added.

@@ -11,13 +11,14 @@ as a rotor inertia h² kp + h kv of the hinge, and it is stable for any stiffnes
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from foldback.planner.arrays import Array
+from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
+from foldback.planner.chain.rotations import matrix_from_wxyz
 from foldback.planner.core import (
     MAX_SERVO_PASSES,
     advance,
@@ -28,12 +29,15 @@ from foldback.planner.core import (
 from foldback.planner.core.structures import (
     Accelerations,
     Loads,
-    RobotBody,
+    Lumps,
+    ModuleStates,
+    ReducedState,
     RobotServos,
     RobotStates,
     ServoTarget,
     ServoTargets,
 )
+from foldback.planner.core.structures import RobotTeam as TeamBody
 from foldback.planner.errors import SimulationError
 from foldback.planner.parameters.playback import RobotParameters
 from foldback.planner.simulation.contact_finder import ContactFinder
@@ -214,18 +218,96 @@ class ServoChain:
         remove_net_momentum(engine.chain_model, self._centre, self.state.reduced, engine.modules)
 
 
-class Robot(ServoChain):
-    """Robot of which all hinges are simulated.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FollowedSteps:
+    """Steps of R robots towards the same S setpoints.
 
-    Steps without contacts and stops are made in one compiled loop, as far ahead as setpoints are
-    set; ``end_step`` goes on to the next of them.
+    Attributes:
+        states: States of the robots before the first step, and after each.
+        made: (R,) number of steps that each robot has made.
+        broken: Why a robot made fewer, by its number; robots that have ended before are left out.
+    """
+
+    states: RobotStates
+    made: Ints
+    broken: dict[int, SimulationError]
+
+
+class Robot(ServoChain):
+    """Robot of a team, of which all hinges are simulated.
 
     Args:
         chain: The chain.
         contacts: Finder of the contacts of all modules, which is copied, see ``robot_contacts``.
+        errors: Model errors of the robot.
+        step_s: Time step, s.
+        state: Arrays of its state among those of the team.
+        modules: Arrays of its modules.
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        contacts: ContactFinder,
+        errors: RobotErrors,
+        step_s: float,
+        state: ReducedState,
+        modules: ModuleStates,
+    ) -> None:
+        super().__init__(chain, errors, step_s)
+        model = build_chain_model(chain, root=chain.root, masses=errors.masses)
+        self.engine = Engine(model, chain.module.angle_limit_rad, modules)
+        self.state = State(
+            angles=state.q,
+            rates=state.qd,
+            position=state.position,
+            rotation=state.rotation,
+            velocity=state.velocity,
+            spin=state.angular_velocity,
+        )
+        self._contacts = contacts.copy()
+
+    def place(self, angles: Array, root_position: Array, root_wxyz: Array) -> Array:
+        """Set a configuration at rest, and return the (3,) centre of mass."""
+        state = self.state
+        state.angles[:], state.position[:] = angles, root_position
+        state.rotation[:] = matrix_from_wxyz(root_wxyz)
+        for velocities in (state.rates, state.velocity, state.spin):
+            velocities[:] = 0.0
+        self.engine.place(state)
+        self._centre = self.engine.centre_of_mass
+        return self._centre
+
+    def step(self, target: ServoTarget, noise: Array) -> Array:
+        """Make one step, with contacts and stops, and return the (J,) torques of the motors.
+
+        Raises:
+            SimulationError: The state is not finite.
+        """
+        torques = self._advance(slice(0, len(self.state.angles)), target, noise)
+        self.stop_drifting()
+        return torques
+
+    def find_contacts(self) -> DetectedContacts | None:
+        """Return the contacts of the present state, in the world frame."""
+        return self._contacts.find(self.engine.positions, self.engine.rotations)
+
+
+class RobotTeam:
+    """Robots that fold the same chain with the same setpoints, each with errors of its own.
+
+    Steps without contacts and stops are made in one compiled loop for all of them. A robot that
+    needs such a step makes it by itself.
+
+    Attributes:
+        robots: The robots.
+
+    Args:
+        chain: The chain.
+        contacts: Finder of the contacts of all modules, see ``robot_contacts``.
         parameters: Kind of robot.
         peak_torque: Largest torque of the plan, which limit and friction are relative to.
-        seed: Whole numbers that identify the robot among those of its kind.
+        seeds: Whole numbers that identify each robot among those of its kind.
         step_s: Time step, s.
     """
 
@@ -236,129 +318,94 @@ class Robot(ServoChain):
         parameters: RobotParameters,
         *,
         peak_torque: float,
-        seed: list[int],
+        seeds: Sequence[list[int]],
         step_s: float,
     ) -> None:
-        errors = RobotErrors(chain, parameters, peak_torque=peak_torque, seed=seed)
-        super().__init__(chain, errors, step_s)
-        model = build_chain_model(chain, root=chain.root, masses=errors.masses)
-        self.engine = Engine(model, chain.module.angle_limit_rad)
-        self._contacts = contacts.copy()
-        self._hinges = slice(0, len(chain.folded_rad))
-        self.body: RobotBody
-        self._targets: ServoTargets
-        self._noise: Array
-        self._states: RobotStates  # before the steps that targets are set for, and after each
-        self._wxyzs: Array  # orientations of the root in these
-        self._present = self._steps = 0  # numbers of steps that are shown, and that are made
-
-    @property
-    def angles(self) -> Array:
-        """(J,) hinge angles, rad."""
-        return self._states.q[self._present]
-
-    @property
-    def rates(self) -> Array:
-        """(J,) hinge velocities, rad/s."""
-        return self._states.qd[self._present]
-
-    @property
-    def motor_torques(self) -> Array:
-        """(J,) torques of the motors in the last step."""
-        return self._states.torques[self._present]
-
-    @property
-    def centres(self) -> Array:
-        """(n, 3) centres of the modules relative to their mean, pitches."""
-        centres = self.chain.poses(self.angles, self.root_position, self.root_wxyz).positions
-        return centres - centres.mean(axis=0)
-
-    @property
-    def root_position(self) -> Array:
-        """(3,) the root's centre, pitches."""
-        return self._states.position[self._present]
-
-    @property
-    def root_wxyz(self) -> Array:
-        """(4,) orientation of the root, w first."""
-        return self._wxyzs[self._present]
+        count, hinges, n = len(seeds), len(chain.folded_rad), len(chain)
+        shapes = ((hinges,), (hinges,), (3,), (3, 3), (3,), (3,))
+        self._state = ReducedState(*(np.zeros((count, *shape)) for shape in shapes))
+        shapes = ((n, 3), (n, 3, 3), (n, 3), (n, 3))
+        self._modules = ModuleStates(*(np.zeros((count, *shape)) for shape in shapes))
+        self.robots = [
+            Robot(
+                chain,
+                contacts,
+                RobotErrors(chain, parameters, peak_torque=peak_torque, seed=seed),
+                step_s,
+                ReducedState(*(array[number] for array in self._state)),
+                ModuleStates(*(array[number] for array in self._modules)),
+            )
+            for number, seed in enumerate(seeds)
+        ]
+        self._follows = np.ones(count, dtype=bool)
+        errors = [robot.errors for robot in self.robots]
+        first = self.robots[0]
+        self.body = TeamBody(
+            joint=chain.module.joint,
+            masses=np.array([each.masses for each in errors]),
+            inertia=chain.module.inertia,
+            lumps=Lumps(*(np.array([array] * count) for array in Lumps.none())),
+            root=chain.root,
+            servos=errors[0]
+            .servos(slice(None))
+            ._replace(
+                offsets=np.array([each.offsets for each in errors]),
+                friction=np.array([each.friction for each in errors]),
+            ),
+            hull=chain.module.hull,
+            size=contacts.geom_size,
+            centres=np.zeros((count, 3)),
+            step_s=step_s,
+            stop_rad=first.engine.stop_rad,
+        )
 
     def place(self, angles: Array, root_position: Array, root_wxyz: Array) -> None:
         """Set a configuration at rest."""
-        engine = self.engine
-        self.state = State.at_rest(angles, root_position, matrix_from_wxyz(root_wxyz))
-        engine.place(self.state)
-        self._centre = engine.centre_of_mass
-        self.body = RobotBody(
-            engine.chain_model,
-            self.errors.servos(self._hinges),
-            self.chain.module.hull,
-            self._contacts.geom_size,
-            self._centre,
-            self._step_s,
-            engine.stop_rad,
-        )
-        self._begin(0)
+        for centre, robot in zip(self.body.centres, self.robots, strict=True):
+            centre[:] = robot.place(angles, root_position, root_wxyz)
 
-    def begin_step(self) -> None:
-        """Do nothing: poses are those of the present state at any time."""
+    def end(self, number: int) -> None:
+        """Let a robot make no more steps."""
+        self._follows[number] = False
 
-    def follow(self, targets: ServoTargets) -> None:
-        """Set the setpoints of the servos for the ends of the coming S steps.
-
-        Those set before must have been followed.
-        """
+    def follow(self, targets: ServoTargets) -> FollowedSteps:
+        """Make the S steps towards setpoints for their ends."""
         steps, hinges = targets.q.shape
-        self._targets, self._noise = targets, self.errors.draw_noise(steps, hinges)
-        self._begin(steps)
+        noise = np.zeros((len(self.robots), steps, hinges))
+        for number in np.flatnonzero(self._follows):
+            noise[number] = self.robots[number].errors.draw_noise(steps, hinges)
+        states = RobotStates.empty(len(self.robots), steps, hinges)
+        for rows, present in zip(states[:4], self._state, strict=False):
+            rows[:, 0] = present
+        made, broken = np.zeros(len(self.robots), np.int64), dict[int, SimulationError]()
+        while self._follows.any():
+            self._make_steps(targets, noise, states, made)
+            late = np.flatnonzero((made < steps) & self._follows).tolist()
+            if not late:
+                break
+            for number in late:
+                try:
+                    self._make_step(number, targets, noise, states, made)
+                except SimulationError as error:
+                    broken[number] = error
+                    self.end(number)
+        return FollowedSteps(states=states, made=made, broken=broken)
 
-    def end_step(self) -> None:
-        """Go on by one step; raise ``SimulationError`` if the state is not finite."""
-        if self._present == self._steps:
-            self._simulate()
-        self._present += 1
+    def _make_steps(
+        self, targets: ServoTargets, noise: Array, states: RobotStates, made: Ints
+    ) -> None:
+        """Make as many of the steps as have no contacts and stops."""
+        ended = np.where(self._follows, made, len(targets.q))
+        robot_steps(self.body, targets, noise, self._state, self._modules, states, ended)
+        np.copyto(made, ended, where=self._follows)
 
-    def _begin(self, steps: int) -> None:
-        """Allocate the states of coming steps; the first one is the present state."""
-        self._states = RobotStates.empty(steps + 1, len(self.state.angles))
-        self._wxyzs = np.empty((steps + 1, 4))
-        self._present = self._steps = 0
-        self._write_state(np.zeros_like(self.state.angles))
-
-    def _write_state(self, torques: Array) -> None:
-        """Write the state after the last step, with the (J,) torques of the motors in it."""
-        state = self.state
-        values = (state.angles, state.rates, state.position, state.rotation, torques)
-        for states, value in zip(self._states, values, strict=True):
-            states[self._steps] = value
-        self._wxyzs[self._steps] = wxyz_from_matrix(state.rotation)
-
-    def _simulate(self) -> None:
-        """Make as many of the coming steps as have no contacts and stops, or else one step."""
-        k = self._steps
-        steps = robot_steps(
-            self.body,
-            ServoTargets(*(targets[k:] for targets in self._targets)),
-            self._noise[k:],
-            self.state.reduced,
-            self.engine.modules,
-            RobotStates(*(states[k + 1 :] for states in self._states)),
-        )
-        new_states = slice(k + 1, k + 1 + steps)
-        self._wxyzs[new_states] = wxyz_from_matrix(self._states.rotation[new_states])
-        self._steps += steps
-        if steps == 0:
-            self._simulate_step()
-
-    def _simulate_step(self) -> None:
-        """Make one step, with contacts and stops."""
-        k = self._steps
-        target = ServoTarget(*(targets[k] for targets in self._targets))
-        torques = self._advance(self._hinges, target, self._noise[k])
-        self.stop_drifting()
-        self._steps += 1
-        self._write_state(torques)
-
-    def find_contacts(self) -> DetectedContacts | None:
-        """Return the contacts of the present state, in the world frame."""
-        return self._contacts.find(self.engine.positions, self.engine.rotations)
+    def _make_step(
+        self, number: int, targets: ServoTargets, noise: Array, states: RobotStates, made: Ints
+    ) -> None:
+        """Make the next step of one robot, with contacts and stops."""
+        k = made[number]
+        target = ServoTarget(*(array[k] for array in targets))
+        states.torques[number, k] = self.robots[number].step(target, noise[number, k])
+        for rows, present in zip(states[:4], self._state, strict=False):
+            rows[number, k + 1] = present[number]
+        made[number] += 1

@@ -1,7 +1,6 @@
 """Robots that MuJoCo itself simulates: their motion, their limits, and their certificates."""
 
 from dataclasses import replace
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -11,9 +10,9 @@ from foldback.planner.certificate.certificate import Certificate, certify
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.parameters.playback import PlaybackParameters, RobotParameters
 from foldback.planner.playback import robot_runs
-from foldback.planner.playback.chain_run import Run
 from foldback.planner.playback.playback import Playback, play_back
 from foldback.planner.playback.reference_trajectory import ReferenceTrajectory
+from foldback.planner.playback.robot_run import RobotRun, fold_with_robots
 from foldback.planner.playback.robot_runs import mujoco_trajectory
 from foldback.planner.playback.substeps import MAX_SERVO_SHARE
 from foldback.planner.progress import never, silent
@@ -30,13 +29,17 @@ def trajectory_of(folded: Folded, robot: RobotParameters) -> ReferenceTrajectory
     return ReferenceTrajectory(folded.chain, folded.record, parameters, 0.95, 0.0, 1, None)
 
 
-def run_of(folded: Folded, robot: RobotParameters) -> Run:
+def run_of(folded: Folded, robot: RobotParameters) -> RobotRun:
     """Return the finished run of a robot in MuJoCo."""
+    (run,) = fold_with_robots(divided_of(folded, robot), [[0, 0]], None, silent, never)
+    return run
+
+
+def divided_of(folded: Folded, robot: RobotParameters) -> ReferenceTrajectory:
+    """Return the trajectory of a fold for such robots in MuJoCo."""
     trajectory = mujoco_trajectory(trajectory_of(folded, robot))
     assert trajectory is not None
-    run = Run(trajectory, [0, 0])
-    run.simulate(silent, never)
-    return run
+    return trajectory
 
 
 def test_robot_in_mujoco_moves_as_its_twin_but_not_by_the_same_code(folded: Folded) -> None:
@@ -49,18 +52,13 @@ def test_robot_in_mujoco_moves_as_its_twin_but_not_by_the_same_code(folded: Fold
 
 
 def test_robot_without_errors_follows_exactly_also_in_divided_steps(folded: Folded) -> None:
-    run = run_of(folded, FAULTLESS)
-    assert run.status == "folded" and run.largest_error < 1e-12
-    weak = run_of(folded, replace(FAULTLESS, motor_limit=1.3))
-    assert weak.status == "folded" and weak.largest_error < 1e-12
-    counts = [[len(step.rates) for step in steps_of(run_in)] for run_in in (run, weak)]
-    assert max(counts[0]) < max(counts[1])
-
-
-def steps_of(run: Run) -> list[Substeps]:
-    """Return the divided steps of a run's trajectory."""
-    make: Any = run.trajectory.parts[0][1]
-    return make.args[2]
+    counts = list[int]()
+    for robot in (FAULTLESS, replace(FAULTLESS, motor_limit=1.3)):
+        run = run_of(folded, robot)
+        assert run.status == "folded" and run.largest_error < 1e-12
+        (steps,) = divided_of(folded, robot).substeps
+        counts.append(max(len(step.rates) for step in steps))
+    assert counts[0] < counts[1]
 
 
 class WholeSteps(MujocoRobot):
@@ -90,8 +88,7 @@ def test_parts_of_a_step_that_are_left_out_have_no_effect(part: float, touches: 
     for robot in robots:
         robot.place(targets[0], np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
         for angles in targets:
-            robot.follow(Substeps.still(angles, 0.08))
-            robot.end_step()
+            robot.follow([Substeps.still(angles, 0.08)])
             constraints += robot.data.nefc
     assert (constraints > 0) == touches
     # Where modules touch, MuJoCo's solver starts from accelerations of the last step before.
@@ -106,8 +103,7 @@ def test_divided_steps_keep_servos_within_their_limit(folded: Folded) -> None:
     limit = robot.motor_limit * trajectory.peak_torque
     damping = limit / robot.servo_give * robot.damping_s
     divided, count = trajectory.for_mujoco()
-    make: Any = divided.parts[0][1]
-    steps: list[Substeps] = make.args[2]
+    (steps,) = divided.substeps
     rates = np.concatenate([step.rates for step in steps])
     torques = np.concatenate([step.torques for step in steps])
     changes = np.diff(rates, axis=0, prepend=0.0)
@@ -125,11 +121,16 @@ def test_divided_steps_keep_servos_within_their_limit(folded: Folded) -> None:
 
 
 def test_mujoco_limits_the_torques_of_motors(folded: Folded) -> None:
-    weak = run_of(folded, replace(FAULTLESS, motor_limit=0.6))
-    assert isinstance(weak.plant, MujocoRobot)
-    limit = weak.plant.errors.limit
-    assert weak.largest_error > 1e-3
-    assert np.abs(weak.plant.data.qfrc_actuator).max() <= limit * (1.0 + 1e-12)
+    kind = replace(FAULTLESS, motor_limit=0.6)
+    trajectory = divided_of(folded, kind)
+    errors = RobotErrors(folded.chain, kind, peak_torque=trajectory.peak_torque, seed=[0])
+    weak = MujocoRobot(folded.chain, errors, geom_size=0.95, step_s=trajectory.step_s)
+    weak.place(*trajectory.begins)
+    largest = 0.0
+    for step in trajectory.substeps[0]:
+        weak.follow([step])
+        largest = max(largest, float(np.abs(weak.data.qfrc_actuator).max()))
+    assert 0.99 * errors.limit < largest <= errors.limit * (1.0 + 1e-12)
 
 
 @pytest.mark.parametrize("name", ERRORS)

@@ -11,6 +11,7 @@ from foldback.planner.motion.motion import Motion
 from foldback.planner.parameters.parameters import Parameters, preset
 from foldback.planner.parameters.playback import PlaybackParameters, RobotParameters
 from foldback.planner.playback.playback import Playback, play_back
+from foldback.planner.playback.robot_run import STEPS_AT_ONCE
 from foldback.planner.progress import Progress
 from foldback.planner.simulation.mujoco_tree import Tree
 from tests.planner.conftest import Folded
@@ -91,9 +92,9 @@ def test_cancelled_or_too_long_playback_keeps_its_frames(folded: Folded) -> None
     answers = iter((False, False, False, True))
     playback = play(folded, DEFAULT, cancelled=lambda: next(answers, False))
     assert playback.status == "cancelled"
-    assert 0 < playback.steps <= 100  # each robot checks in turn
+    assert 0 < playback.steps <= 4 * STEPS_AT_ONCE  # both engines check in turn
     assert len(playback.frames) > 1
-    playback = play(folded, replace(DEFAULT, max_steps=100))
+    playback = play(folded, replace(DEFAULT, controller="computed-torque", max_steps=100))
     assert (playback.status, playback.steps) == ("timeout", 100)
     assert "after 100 steps" in str(playback.reason)
 

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from foldback.planner.arrays import Array
+from foldback.planner.arrays import Array, Ints
 from foldback.planner.certificate.certificate import Certificate, certify
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import CUBE, TETRAHEDRON
@@ -18,13 +18,11 @@ from foldback.planner.core.structures import (
     RobotStates,
     ServoTargets,
 )
-from foldback.planner.errors import SimulationError
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.parameters.playback import PlaybackParameters, RobotParameters
 from foldback.planner.playback.playback import Playback, play_back
 from foldback.planner.simulation.contact_finder import robot_contacts
-from foldback.planner.simulation.engine import build_chain_model
-from foldback.planner.simulation.robot import Robot
+from foldback.planner.simulation.robot import RobotTeam
 from tests.planner.chains import coil, line, unvalidated
 from tests.planner.conftest import Folded
 from tests.planner.mujoco_tree import tree_with
@@ -42,19 +40,19 @@ def test_step_agrees_with_a_mujoco_tree_of_the_same_masses(chain: Chain) -> None
     contacts = robot_contacts(chain, geom_size=0.3, step_s=0.08)
     contacts.allocate(len(chain))
     parameters = replace(FAULTLESS, mass_error=0.1, motor_limit=100.0)
-    robot = Robot(chain, contacts, parameters, peak_torque=10.0, seed=[3], step_s=0.08)
-    assert robot.errors.masses.std() > 0.05
+    team = RobotTeam(chain, contacts, parameters, peak_torque=10.0, seeds=[[3]], step_s=0.08)
+    errors = team.robots[0].errors
+    assert errors.masses.std() > 0.05
     hinges = len(chain.folded_rad)
     rng = np.random.default_rng(5)
     angles = 0.6 * chain.folded_rad + 0.1 * rng.normal(size=hinges)
-    robot.place(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    team.place(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     target, rates = angles + 0.001 * rng.normal(size=hinges), 0.01 * rng.normal(size=hinges)
     torques = rng.normal(size=hinges)
-    robot.follow(ServoTargets(target[None], rates[None], torques[None]))
-    robot.end_step()
-    h, stiffness = 0.08, robot.errors.limit / FAULTLESS.servo_give
+    states = team.follow(ServoTargets(target[None], rates[None], torques[None])).states
+    h, stiffness = 0.08, errors.limit / FAULTLESS.servo_give
     damping = stiffness * FAULTLESS.damping_s
-    model = tree_with(chain, 0.3, robot.errors.masses)
+    model = tree_with(chain, 0.3, errors.masses)
     data: Any = mujoco.MjData(model)
     dofs = [model.joint(name).dofadr[0] for name in chain.joint_names]
     for name, angle in zip(chain.joint_names, angles, strict=True):
@@ -64,39 +62,51 @@ def test_step_agrees_with_a_mujoco_tree_of_the_same_masses(chain: Chain) -> None
     mujoco.mj_forward(model, data)
     assert data.ncon == 0
     expected = h * data.qacc[dofs]
-    np.testing.assert_allclose(robot.rates, expected, atol=1e-9 * np.abs(expected).max())
+    end_angles, end_rates = states.q[0, 1], states.qd[0, 1]
+    np.testing.assert_allclose(end_rates, expected, atol=1e-9 * np.abs(expected).max())
     # The servo's torque depends on the state at the end of the step, as in an implicit scheme.
-    arguments = stiffness * (target - robot.angles) + damping * (rates - robot.rates) + torques
-    np.testing.assert_allclose(
-        robot.motor_torques, arguments, rtol=1e-6, atol=1e-6 * robot.errors.limit
-    )
+    arguments = stiffness * (target - end_angles) + damping * (rates - end_rates) + torques
+    np.testing.assert_allclose(states.torques[0, 0], arguments, rtol=1e-6, atol=1e-6 * errors.limit)
 
 
-class CountingRobot(Robot):
-    """Robot that counts its steps with contacts and stops."""
+class CountingTeam(RobotTeam):
+    """Team that counts the steps that robots make by themselves."""
 
     steps = 0
 
-    def _simulate_step(self) -> None:
+    def _make_step(
+        self, number: int, targets: ServoTargets, noise: Array, states: RobotStates, made: Ints
+    ) -> None:
         self.steps += 1
-        super()._simulate_step()
+        super()._make_step(number, targets, noise, states, made)
 
 
-class SteppedRobot(CountingRobot):
-    """Robot that makes each step by itself, with MuJoCo's contacts."""
+class SteppedTeam(CountingTeam):
+    """Team whose robots make each step by themselves, with MuJoCo's contacts."""
 
-    def _simulate(self) -> None:
-        self._simulate_step()
+    def _make_steps(
+        self, targets: ServoTargets, noise: Array, states: RobotStates, made: Ints
+    ) -> None:
+        del targets, noise, states, made
 
 
-def straight_robot(kind: type[Robot], chain: Chain, limit: float) -> Robot:
-    """Return a straight robot whose motors have a largest torque."""
+def straight_team(
+    kind: type[RobotTeam], chain: Chain, limit: float, seeds: tuple[int, ...] = (3,)
+) -> RobotTeam:
+    """Return straight robots whose motors have a largest torque."""
     contacts = robot_contacts(chain, geom_size=0.95, step_s=0.08)
     contacts.allocate(len(chain))
     parameters = RobotParameters(motor_limit=1.0)
-    robot = kind(chain, contacts, parameters, peak_torque=limit, seed=[3], step_s=0.08)
-    robot.place(np.zeros(len(chain.folded_rad)), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-    return robot
+    team = kind(
+        chain,
+        contacts,
+        parameters,
+        peak_torque=limit,
+        seeds=[[seed] for seed in seeds],
+        step_s=0.08,
+    )
+    team.place(np.zeros(len(chain.folded_rad)), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    return team
 
 
 def targets_towards(goal: Array) -> ServoTargets:
@@ -114,59 +124,74 @@ BENT_CUBES = unvalidated(CUBE, np.full(12, 1.02 * CUBE.angle_limit_rad))
     [(coil(40), 2e3), (BENT_CUBES, 1e3), (BENT_TETRAHEDRA, 1e3)],
     ids=["cubes that touch", "cubes at their stops", "tetrahedra at their stops"],
 )
-def test_steps_made_at_once_are_those_made_one_by_one(chain: Chain, limit: float) -> None:
-    at_once, stepped = (
-        straight_robot(kind, chain, limit) for kind in (CountingRobot, SteppedRobot)
-    )
+def test_steps_of_a_team_are_those_of_each_robot_by_itself(chain: Chain, limit: float) -> None:
+    seeds = (3, 4, 5, 6, 7)  # more than a vector has lanes
+    team = straight_team(CountingTeam, chain, limit, seeds)
     targets = targets_towards(chain.folded_rad)
-    at_once.follow(targets)
-    stepped.follow(targets)
-    is_saturated = False
-    for _ in range(len(targets.q)):
-        at_once.end_step()
-        stepped.end_step()
-        for name in ("angles", "rates", "root_position", "root_wxyz", "motor_torques"):
-            np.testing.assert_array_equal(getattr(at_once, name), getattr(stepped, name), name)
-        is_saturated |= bool((np.abs(stepped.motor_torques) >= limit).any())
-    assert is_saturated
-    assert isinstance(at_once, CountingRobot)
-    assert 0 < at_once.steps < len(targets.q) - 10, "steps of both kinds"
+    states = team.follow(targets).states
+    for number, seed in enumerate(seeds[::2]):
+        alone = straight_team(SteppedTeam, chain, limit, (seed,)).follow(targets).states
+        for name, arrays in alone._asdict().items():
+            np.testing.assert_array_equal(getattr(states, name)[2 * number], arrays[0], name)
+    assert (np.abs(states.torques) >= limit).any(), "saturated motors"
+    assert isinstance(team, CountingTeam)
+    assert 0 < team.steps < len(seeds) * (len(targets.q) - 10), "steps of both kinds"
 
 
-def test_states_that_are_not_finite_end_a_simulation() -> None:
-    robot = straight_robot(CountingRobot, coil(40), 1e3)
-    targets = targets_towards(robot.chain.folded_rad)
-    targets.feedforward[20] = np.nan
-    robot.follow(targets)
-    for _ in range(20):
-        robot.end_step()
-    with pytest.raises(SimulationError, match="infinite or undefined"):
-        robot.end_step()
+def test_states_that_are_not_finite_end_a_robot_and_no_other() -> None:
+    chain = coil(40)
+    targets = targets_towards(0.1 * chain.folded_rad)
+    team = straight_team(CountingTeam, chain, 1e3, (3, 4))
+    team.body.servos.offsets[1, 7] = np.nan
+    team.robots[1].errors.offsets[7] = np.nan
+    followed = team.follow(targets)
+    assert followed.made.tolist() == [60, 0]
+    assert list(followed.broken) == [1]
+    assert "infinite or undefined" in str(followed.broken[1])
+    assert team.follow(targets).made.tolist() == [60, 0]
+
+
+def test_robot_that_has_ended_makes_no_more_steps() -> None:
+    chain = coil(40)
+    targets = targets_towards(0.1 * chain.folded_rad)
+    team = straight_team(RobotTeam, chain, 1e3, (3, 4))
+    team.end(0)
+    followed = team.follow(targets)
+    assert followed.made.tolist() == [0, 60] and not followed.broken
 
 
 def test_wrong_calls_of_the_compiled_loop_are_errors() -> None:
-    robot = straight_robot(Robot, line(7), 1e3)
-    targets = targets_towards(robot.chain.folded_rad)
-    hinges, body = len(robot.angles), robot.body
-    state = ReducedState(
-        np.zeros(hinges), np.zeros(hinges), np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3)
+    team = straight_team(RobotTeam, line(7), 1e3, (3, 4))
+    targets, body = targets_towards(np.zeros(10)), team.body
+    state, modules = (
+        type(arrays)(*(np.stack([array] * 2) for array in arrays))
+        for arrays in (
+            ReducedState(
+                np.zeros(10), np.zeros(10), np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3)
+            ),
+            team.robots[0].engine.modules,
+        )
     )
-    states = RobotStates.empty(60, hinges)
-    right = (body, targets, np.zeros((60, hinges)), state, robot.engine.modules, states)
-    assert robot_steps(*right) == 60
+    made, states = np.zeros(2, dtype=np.int64), RobotStates.empty(2, 60, 10)
+    right = (body, targets, np.zeros((2, 60, 10)), state, modules, states, made)
+    robot_steps(*right)
+    assert made.tolist() == [60, 60]
     for place, wrong in (
-        (0, body._replace(model=build_chain_model(line(5), root=2))),
+        (0, body._replace(masses=np.ones((2, 5)))),
         (0, body._replace(size=0.0)),
-        (0, body._replace(centre=np.zeros(2))),
-        (0, body._replace(servos=body.servos._replace(offsets=np.zeros(hinges - 1)))),
-        (1, targets._replace(qd=np.zeros((59, hinges)))),
-        (2, np.zeros((60, hinges - 1))),
-        (3, state._replace(q=np.zeros(hinges - 1))),
-        (4, ModuleStates.empty(6)),
-        (5, RobotStates.empty(59, hinges)),
+        (0, body._replace(root=7)),
+        (0, body._replace(centres=np.zeros((2, 2)))),
+        (0, body._replace(lumps=body.lumps._replace(masses=np.zeros((1, 2))))),
+        (0, body._replace(servos=body.servos._replace(offsets=np.zeros((2, 9))))),
+        (1, targets._replace(qd=np.zeros((59, 10)))),
+        (2, np.zeros((2, 60, 9))),
+        (3, state._replace(q=np.zeros((2, 9)))),
+        (4, ModuleStates(*(array[:1] for array in modules))),
+        (5, RobotStates.empty(2, 59, 10)),
+        (6, np.array([0, -1])),
     ):
         with pytest.raises(ValueError, match=": "):
-            robot_steps(*(wrong if k == place else right[k] for k in range(6)))
+            robot_steps(*(wrong if k == place else right[k] for k in range(7)))
 
 
 def test_each_fault_is_seen_in_the_joint_error(folded: Folded) -> None:
