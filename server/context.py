@@ -14,6 +14,7 @@ from starlette.requests import HTTPConnection
 from foldback.planner.readers.gallery import Gallery
 from foldback.server.errors import TooMany
 from foldback.server.files.artifacts import Artifacts
+from foldback.server.files.fold_figures import figures_by
 from foldback.server.files.pictures import Pictures
 from foldback.server.files.preview_reports import PreviewReports
 from foldback.server.files.trajectories import Trajectories
@@ -27,7 +28,7 @@ from foldback.server.limits.single_flight import SingleFlight
 from foldback.server.limits.token_buckets import SharedBuckets, TokenBuckets
 from foldback.server.live_class.live_classes import LiveClasses
 from foldback.server.ops.metrics import Metrics
-from foldback.server.processes.children import Pool
+from foldback.server.processes.children import Children, Pool
 from foldback.server.processes.fork_server import ForkServer
 from foldback.server.processes.limits import READER_PROCESSES, ChildLimits
 from foldback.server.processes.scratch import Scratch
@@ -99,10 +100,13 @@ class Context(Viewing):
         artifacts = opened.enter_context(closing(_artifacts(settings, store)))
         awaited = ChildLimits.of(settings, awaited=True)
         fork_server = opened.enter_context(
-            closing(ForkServer(["reader", "preparer", "retimer", "pictures"]))
+            closing(ForkServer(["reader", "preparer", "retimer", "figures", "pictures"]))
         )
         Scratch(settings.motions_dir).sweep()
         motions = replace(awaited, folders=(str(settings.motions_dir),))
+        plotter = Children("figures", replace(awaited, folders=()), fork_server)
+        opened.callback(plotter.close)
+        figures = opened.enter_context(closing(figures_by(plotter, settings, store)))
         retimer = Pool("retimer", motions, wall_s=settings.retime_seconds, fork_server=fork_server)
         drawer = Pool("pictures", motions, wall_s=settings.preview_seconds, fork_server=fork_server)
         pictures = opened.enter_context(closing(Pictures(settings, drawer)))
@@ -139,6 +143,7 @@ class Context(Viewing):
             previews=previews,
             preview_reports=preview_reports,
             artifacts=artifacts,
+            figures=figures,
             pictures=pictures,
             movies=Movies(settings, store),
             gallery=Gallery(),

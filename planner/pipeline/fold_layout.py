@@ -89,10 +89,13 @@ def stored_moments(directory: FilePath) -> Moments | None:
 def lacks_derived_files(directory: FilePath) -> bool:
     """Return True if figures or moments of a fold that is over have still to be computed.
 
+    False also if they cannot be, without its request or timeline.
+
     Raises:
         DamagedError: The fold's manifest cannot be read.
     """
-    if not result_path(directory, names.TIMELINE).exists():
+    sources = (directory / names.REQUEST, result_path(directory, names.TIMELINE))
+    if not all(path.exists() for path in sources):
         return False
     is_played = all((directory / name).exists() for name in (names.PLAN, names.PLAYBACK))
     expected = names.DERIVED_FILES if is_played else (names.FIGURES,)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Annotated, Final, Literal, cast
 
 import msgspec
@@ -21,6 +22,7 @@ from foldback.server.http.downloads import download
 from foldback.server.processes.movie_task import movie_formats
 from foldback.server.schemas import Body, Fault
 from foldback.server.store.schema import MovieRow
+from foldback.server.viewing.fold_lookup import with_figures
 from foldback.server.viewing.fold_notes import tour_of
 from foldback.web.movies.movie import Movie
 
@@ -131,7 +133,7 @@ class MovieBody(Body):
     dependencies=[Depends(existing_fold)],
     openapi_extra=described(MovieOptions),
 )
-def post_movie(
+async def post_movie(
     request: Request,
     response: Response,
     fold_id: str,
@@ -144,16 +146,22 @@ def post_movie(
     A fold keeps a limited number of movies: a new movie replaces the oldest finished one. A movie
     requested with the owner token is replaced only by a newer movie requested with this token.
     """
-    located = context.store.find(fold_id) if options.tour else None
-    tour = None if located is None else tour_of(context.store, located)
-    fields = msgspec.structs.asdict(options)
-    del fields["tour"]
-    movie = Movie.of(fields, tour)
-    _check_format(movie.format)
-    of_owner = context.store.owns(fold_id, claim.owner)
-    visitor = context.visitor(request)
-    row, new = context.movies.ask(fold_id, movie, visitor, owner=claim.owner, of_owner=of_owner)
-    body = MovieBody.of(row, claim.token if new else None)
+    located = await asyncio.to_thread(context.store.find, fold_id) if options.tour else None
+    if located is not None:
+        located = await with_figures(request, located)
+
+    def ask() -> MovieBody:
+        tour = None if located is None else tour_of(context.store, located)
+        fields = msgspec.structs.asdict(options)
+        del fields["tour"]
+        movie = Movie.of(fields, tour)
+        _check_format(movie.format)
+        of_owner = context.store.owns(fold_id, claim.owner)
+        visitor = context.visitor(request)
+        row, new = context.movies.ask(fold_id, movie, visitor, owner=claim.owner, of_owner=of_owner)
+        return MovieBody.of(row, claim.token if new else None)
+
+    body = await asyncio.to_thread(ask)
     response.headers["Location"] = body.links.self
     _again(response, body)
     return body

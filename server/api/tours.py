@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Query, Request
 from fastapi.responses import JSONResponse, Response
 from pydantic import ConfigDict, Field
 
@@ -25,6 +26,7 @@ from foldback.server.schemas import Body
 from foldback.server.store.folds import NoSuchFoldError
 from foldback.server.store.owned_items import write_beside
 from foldback.server.store.schema import TourRow
+from foldback.server.viewing.fold_lookup import with_figures
 from foldback.server.viewing.fold_notes import tour_of
 
 router = APIRouter(prefix="/api/folds/{fold_id}/tour", tags=["tours"])
@@ -73,7 +75,8 @@ class TourBody(Body):
     summary="Get the tour of a fold",
     responses={200: {"model": TourBody}, **problems(404, 409)},
 )
-def get_tour(
+async def get_tour(
+    request: Request,
     fold_id: str,
     context: Here,
     draft: Annotated[bool, Query(description="Return a draft even if a tour is stored.")] = False,
@@ -82,12 +85,13 @@ def get_tour(
 
     A draft is written automatically. Its numbers come from the fold's certificate.
     """
-    located = context.store.find(fold_id)
+    located = await asyncio.to_thread(context.store.find, fold_id)
     if located is None:
         raise NoSuchFoldError(fold_id)
-    tour = tour_of(context.store, located, draft=draft)
+    located = await with_figures(request, located)
+    tour = await asyncio.to_thread(tour_of, context.store, located, draft=draft)
     if tour is None:
-        raise not_there(context.store.fold(fold_id), "tour")
+        raise not_there(await asyncio.to_thread(context.store.fold, fold_id), "tour")
     return JSONResponse(tour, headers={"Cache-Control": "private, no-cache"})
 
 

@@ -20,7 +20,7 @@ from foldback.cli.exit_statuses import INVALID_INPUT
 from foldback.cli.tour import stored_tour
 from foldback.planner.certificate.figures import FoldSummary
 from foldback.planner.chain.display_names import escaped
-from foldback.planner.errors import UNREADABLE, InputError, PlannerError, TimelineError
+from foldback.planner.errors import InputError, TimelineError
 from foldback.planner.explosion.diagnosis import stuck_of
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.parameters.parameters import FLOATING
@@ -35,6 +35,7 @@ from foldback.planner.storage.files import json_of
 from foldback.planner.storage.plain_values import from_plain
 from foldback.planner.verification.stored_fold import check_fold
 from foldback.server.files.artifacts import Artifacts
+from foldback.server.files.fold_figures import FoldFigures
 from foldback.server.http.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
 from foldback.server.pages import fold, player_data, share, static
 from foldback.server.store.fold_source import LocatedFold
@@ -49,16 +50,13 @@ PLAYED_FOLD_ID: Final = "fold"
 class FolderStore:
     """Fold source with a single fold, a directory."""
 
-    def __init__(self, directory: Path, derived_dir: Path | None = None) -> None:
+    def __init__(self, directory: Path) -> None:
         self._directory = directory
-        self._derived_dir = derived_dir
 
     def find(self, fold_id: str) -> LocatedFold | None:
         """Return the only fold if the id matches."""
         return (
-            LocatedFold(self.fold(fold_id), self._directory, derived=self._derived_dir)
-            if fold_id == PLAYED_FOLD_ID
-            else None
+            LocatedFold(self.fold(fold_id), self._directory) if fold_id == PLAYED_FOLD_ID else None
         )
 
     def tour(self, _fold_id: str) -> dict[str, Any] | None:
@@ -115,34 +113,32 @@ def row_of(directory: Path) -> ShownFold:
     )
 
 
-def create_player_app(
-    directory: Path, host: str = "127.0.0.1", *, derived_dir: Path | None = None
-) -> FastAPI:
-    """Return an application that displays one directory.
-
-    Args:
-        directory: Directory of the fold.
-        host: Address on which it listens.
-        derived_dir: Directory with the fold's figures and moments; None for ``directory``.
-    """
-    store = FolderStore(directory, derived_dir)
+def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
+    """Return an application that displays one directory."""
+    store = FolderStore(directory)
 
     @contextlib.asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
-        # The directory belongs to the user, so nothing is written to it.
-        with TemporaryDirectory(prefix="foldback-") as place:
+        # The directory belongs to the user, so exports are not written to it.
+        with (
+            TemporaryDirectory(prefix="foldback-") as place,
+            contextlib.ExitStack() as opened,
+        ):
             artifacts = Artifacts(None, folder=Path(place))
             waits = FrameWaits()
+            figures = FoldFigures(lambda fold: opened.enter_context(completed(fold.directory)))
             app.state.context = Viewing(
                 store=store,
                 timelines=TimelineViews(),
                 waits=waits,
                 artifacts=artifacts,
+                figures=figures,
                 settings=None,
             )
             yield
             waits.close()
             artifacts.close()
+            figures.close()
 
     app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None, lifespan=lifespan)
 
@@ -185,19 +181,6 @@ def play(
         typer.echo(escaped(f"{error}"), err=True)
         raise typer.Exit(INVALID_INPUT) from error
 
-    with contextlib.ExitStack() as opened:
-        derived_dir = None
-        # A page without plots is better than none.
-        with contextlib.suppress(PlannerError, *UNREADABLE):
-            derived_dir = opened.enter_context(completed(directory))
-        _serve(
-            create_player_app(directory, host, derived_dir=derived_dir), name, host, port, browser
-        )
-
-
-def _serve(app: FastAPI, name: str, host: str, port: int, browser: bool) -> None:
-    """Serve the page of a fold until SIGINT (Ctrl-C) or SIGTERM."""
-
     class Server(uvicorn.Server):
         """HTTP server that prints its address once it listens."""
 
@@ -213,7 +196,7 @@ def _serve(app: FastAPI, name: str, host: str, port: int, browser: bool) -> None
 
     Server(
         uvicorn.Config(
-            app,
+            create_player_app(directory, host),
             host=host,
             port=port,
             log_level="warning",

@@ -23,7 +23,7 @@ from foldback.server.http.client_address import address_of
 from foldback.server.http.downloads import BINARY_MEDIA_TYPE, Asset, revalidated
 from foldback.server.http.response_cache import mark
 from foldback.server.store.fold_source import FoldSource, LocatedFold
-from foldback.server.viewing.fold_lookup import found_fold, viewing_of
+from foldback.server.viewing.fold_lookup import found_fold, viewing_of, with_figures
 from foldback.server.viewing.fold_notes import steps_in, tour_of, values_of
 from foldback.web.timeline.figures import FIGURES, cached_figures
 from foldback.web.timeline.frame_batch import cached_batch
@@ -105,13 +105,13 @@ async def figures(
     fold_id: str,
     part: Annotated[int | None, Query(ge=0, le=1_000_000)] = None,
 ) -> Response:
-    """Return the curves of a finished fold's plot.
+    """Return the curves of a finished fold's plot; they are computed on the first request.
 
     With ``part``, return all figures of one range of frames; the ranges are numbered from 0.
     """
+    located = await with_figures(request, await asyncio.to_thread(found_fold, request, fold_id))
 
     def answer() -> Response:
-        located = found_fold(request, fold_id)
         if located.row.status in RUNNING_STATUSES:
             return _nothing()
         check(located.directory, TIMELINE, FIGURES)
@@ -126,27 +126,40 @@ async def figures(
 @router.get("/folds/{fold_id}/tour.json")
 async def tour(request: Request, fold_id: str) -> Response:
     """Return the stored tour of a fold for its pages, or a draft if none is stored."""
-    return await asyncio.to_thread(_stored, request, fold_id, tour_of)
+    return await _stored(request, fold_id, tour_of, derived=True)
 
 
 @router.get("/folds/{fold_id}/values.json")
 async def values(request: Request, fold_id: str) -> Response:
     """Return the numbers that are stored with a fold, for its pages; 204 if there are none."""
-    return await asyncio.to_thread(_stored, request, fold_id, values_of)
+    return await _stored(request, fold_id, values_of)
 
 
 @router.get("/folds/{fold_id}/steps.json")
 async def steps(request: Request, fold_id: str) -> Response:
     """Return the steps of a fold for its pages; 204 if its plan does not rest between steps."""
-    return await asyncio.to_thread(_stored, request, fold_id, lambda _, located: steps_in(located))
+    return await _stored(request, fold_id, lambda _, located: steps_in(located), derived=True)
 
 
-def _stored(
-    request: Request, fold_id: str, of: Callable[[FoldSource, LocatedFold], object]
+async def _stored(
+    request: Request,
+    fold_id: str,
+    of: Callable[[FoldSource, LocatedFold], object],
+    *,
+    derived: bool = False,
 ) -> Response:
-    """Return the values stored with a fold; 204 if there are none."""
-    located = found_fold(request, fold_id)
-    notes = of(viewing_of(request).store, located)
+    """Return the values stored with a fold; 204 if there are none.
+
+    Args:
+        request: The request.
+        fold_id: Id of the fold.
+        of: Returns the values.
+        derived: True if they may need the fold's moments.
+    """
+    located = await asyncio.to_thread(found_fold, request, fold_id)
+    if derived:
+        located = await with_figures(request, located)
+    notes = await asyncio.to_thread(of, viewing_of(request).store, located)
     if notes is None:
         return _nothing()
     return JSONResponse(notes, headers={"Cache-Control": "private, no-cache"})

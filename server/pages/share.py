@@ -29,7 +29,7 @@ from foldback.server.pages.problem_page import no_such_page
 from foldback.server.store.fold_files import NoSuchFoldError
 from foldback.server.store.fold_source import FoldSource, LocatedFold
 from foldback.server.store.object_store import TIMELINE_HEAD
-from foldback.server.viewing.fold_lookup import find_fold, found_fold, viewing_of
+from foldback.server.viewing.fold_lookup import find_fold, found_fold, viewing_of, with_figures
 from foldback.server.viewing.fold_notes import steps_in, tour_of, values_of
 from foldback.web.pictures.table_top import TableTop
 from foldback.web.timeline.figures import FIGURES, curves_of, table_forces
@@ -93,7 +93,7 @@ async def compare(
 @router.get("/folds/{fold_id}/standalone.html")
 async def standalone(request: Request, fold_id: str) -> Response:
     """Return the fold as one HTML file that plays without a server; it is created once."""
-    located = await _finished(request, fold_id)
+    located = await with_figures(request, await _finished(request, fold_id))
     facts = await asyncio.to_thread(fold_facts, located, api=False)
     stored_parts = await asyncio.to_thread(_kept, viewing_of(request).store, located)
     path = await viewing_of(request).artifacts.file(

@@ -25,7 +25,7 @@ import psutil
 from setproctitle import setproctitle
 
 from foldback.planner.errors import InputError
-from foldback.planner.progress import STAGES, Cancelled, Progress, Report
+from foldback.planner.progress import Cancelled, Progress, Report
 from foldback.planner.storage.files import settle
 from foldback.server.errors import UNEXPECTED_WORDS
 from foldback.server.processes.landlock import Allowed, no_new_rights
@@ -33,9 +33,9 @@ from foldback.server.processes.limits import memory_words
 from foldback.server.processes.sandbox import confine, confine_thread
 from foldback.server.processes.scratch import request_in
 
-LOW_PRIORITY_KINDS: Final = ("stages", "movies", "retimer")
+LOW_PRIORITY_KINDS: Final = ("stages", "movies", "retimer", "figures")
 """Kinds of computing processes that run with the configured niceness (a low priority), as no page
-waits for their results."""
+waits for their results, or only a part of one."""
 FULL_DISK_ERRNOS: Final = (errno.ENOSPC, errno.EDQUOT)
 FAILED_DISK_ERRNOS: Final = (errno.EROFS, errno.EIO)
 NO_THREAD: Final = "can't start new thread"
@@ -189,7 +189,6 @@ def _step_back(niceness: int) -> None:
 
 
 def _stages() -> Task:
-    from foldback.planner.pipeline.derived_files import complete
     from foldback.planner.pipeline.stages import run_stage
 
     _load(*COMPUTING_LIBRARIES, MESH_LIBRARY)
@@ -201,8 +200,6 @@ def _stages() -> Task:
             if not is_locked:
                 return {"status": "cancelled", "reason": "another process has taken over the fold"}
             result = dict(run_stage(stage, directory, progress=progress, cancelled=cancelled))
-            if stage == STAGES[-1]:
-                complete(directory)
             # Once a stage is recorded as finished, its files must survive a power failure.
             settle(directory)
             return result
@@ -330,6 +327,24 @@ def _retimer() -> Task:
     return _confined(works)
 
 
+def _figures() -> Task:
+    from foldback.planner.errors import PlannerError
+    from foldback.planner.pipeline.derived_files import complete
+
+    _load(*COMPUTING_LIBRARIES)
+
+    def run(request: Request, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+        del progress, cancelled
+        try:
+            complete(request.directory)
+        except PlannerError as error:
+            raise InputError("no-figures", str(error)) from error
+        settle(request.directory)
+        return {}
+
+    return run
+
+
 def _pictures() -> Task:
     from foldback.server.processes.picture_task import draw
 
@@ -350,6 +365,7 @@ TASKS: Final[dict[str, Callable[[], Task]]] = {
     "preparer": _preparer,
     "movies": _movies,
     "retimer": _retimer,
+    "figures": _figures,
     "pictures": _pictures,
 }
 """Functions that load the libraries of a kind of child and return its task."""

@@ -23,7 +23,7 @@ from typing import Any, BinaryIO, Final, Literal
 
 from foldback.server.processes.limits import ChildLimits, environment_of_child
 
-Kind = Literal["stages", "reader", "preparer", "movies", "retimer", "pictures"]
+Kind = Literal["stages", "reader", "preparer", "movies", "retimer", "figures", "pictures"]
 CHILD_ENVIRONMENT: Final = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",

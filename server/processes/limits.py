@@ -52,9 +52,10 @@ class ChildLimits:
 READER_PROCESSES: Final = 2
 """Number of processes that read uploaded files, and equal number of those that compute previews of
 shapes; one visitor uses at most one of each at a time."""
-INTERACTIVE_CHILDREN: Final = 2 * READER_PROCESSES + 2
+INTERACTIVE_CHILDREN: Final = 2 * READER_PROCESSES + 3
 """Number of computing processes of the web process: those that read uploads, those that compute
-previews, one that computes trajectories, and one that draws pictures."""
+previews, one that computes trajectories, one that computes the figures of a fold, and one that
+draws pictures."""
 PR_SET_DUMPABLE: Final = 4
 """Option of prctl(2) that decides if other processes of the same user may read a process's memory
 (linux/prctl.h)."""

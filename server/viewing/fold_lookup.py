@@ -11,6 +11,8 @@ from fastapi import Request
 from starlette.requests import HTTPConnection
 
 from foldback.server.files.artifacts import Artifacts
+from foldback.server.files.fold_figures import FoldFigures
+from foldback.server.http.client_address import address_of
 from foldback.server.settings import Settings
 from foldback.server.store.fold_files import NoSuchFoldError
 from foldback.server.store.fold_source import FoldSource, LocatedFold, id_of_fold
@@ -30,6 +32,7 @@ class Viewing:
         timelines: Open timelines.
         waits: Requests that wait for frames.
         artifacts: Files that are computed on request.
+        figures: Figures and moments, which are computed on request.
         settings: Settings of the service; None in a viewer.
     """
 
@@ -37,6 +40,7 @@ class Viewing:
     timelines: TimelineViews
     waits: FrameWaits
     artifacts: Artifacts
+    figures: FoldFigures
     settings: Settings | None
 
 
@@ -69,6 +73,15 @@ def found_fold(request: Request, fold_id: str) -> LocatedFold:
     if located is None:
         raise NoSuchFoldError(fold_id)
     return located
+
+
+async def with_figures(request: Request, located: LocatedFold) -> LocatedFold:
+    """Return a fold with its figures and moments, if they can be computed: see ``FoldFigures``.
+
+    Raises:
+        ServiceError: If too many are being computed, or the disk is full.
+    """
+    return await viewing_of(request).figures.of(located, address_of(request))
 
 
 async def find_fold(request: Request, fold_id: str) -> LocatedFold | None:

@@ -27,7 +27,10 @@ MOTION_ROUTES = ("bundle", "batch", "figures", "standalone.html", "recording.vis
 def whole_fold(service: Service) -> FinishedFold:
     """Separate fold, as damage to a shared one would affect other tests."""
     accepted = service.fold(SNAKE, seed=3)
-    return FinishedFold(service, accepted, [], service.wait_over(accepted["id"]))
+    whole_fold = FinishedFold(service, accepted, [], service.wait_over(accepted["id"]))
+    answer = whole_fold.http.get(f"{whole_fold.page}/tour.json")  # computes the figures
+    assert answer.status_code == 200
+    return whole_fold
 
 
 @pytest.fixture

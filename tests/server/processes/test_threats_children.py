@@ -109,6 +109,10 @@ sandbox.confine(sandbox.Allowed(writable=(Path(sys.argv[1]),)))
 FORKED = f"""{WITHOUT_LIBRARIES}
 reading.check = retiming.retime = attack
 stand_in("foldback.server.processes.picture_task", draw=attack)
+stand_in(
+    "foldback.planner.pipeline.derived_files",
+    complete=lambda place: (place / "report.json").write_text(json.dumps(attack(place))),
+)
 staging.run_stage = lambda task, place, **_: attack(place)
 """
 SPAWNED = f"""{WITHOUT_LIBRARIES}
@@ -176,7 +180,7 @@ def forks(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
         "foldback.server.processes.fork_server_process",
         FORKED,
     )
-    kinds = [*FORKED_KINDS, "stages"]
+    kinds = [*FORKED_KINDS, "figures", "stages"]
     with closing(ForkServer(kinds, environment=environment)) as server:
         yield server
 
@@ -190,6 +194,7 @@ def run_attack(
     settings = Settings(data_dir=tmp_path / "data")
     place = {
         "stages": settings.folds_dir / "mine",
+        "figures": settings.folds_dir / "mine",
         "movies": settings.scratch_dir / "mine",
         "retimer": settings.motions_dir / "mine",
         "pictures": settings.motions_dir / "mine",
@@ -207,12 +212,14 @@ def run_attack(
     task = {"retimer": "retime", "pictures": "picture"}.get(kind, "check")
     with make_child(kind, limits, fork_server=forks, environment=environment) as child:
         child_report = child.call(task, place, wall_s=120)
+    if kind == "figures":
+        return json.loads((place / "report.json").read_bytes())
     return json.loads(child_report["reason"]) if kind == "movies" else child_report
 
 
 @pytest.mark.processes
 @needs_landlock
-@pytest.mark.parametrize("kind", [*FORKED_KINDS, "stages", "movies"])
+@pytest.mark.parametrize("kind", [*FORKED_KINDS, "figures", "stages", "movies"])
 def test_hijacked_process_reaches_nothing(
     kind: Kind, tmp_path: Path, targets: dict[str, Any], forks: ForkServer
 ) -> None:

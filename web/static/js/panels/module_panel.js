@@ -186,6 +186,7 @@ export class ModulePanel {
     const speeds = this.player.timeline.speeds(snapshot.frame);
     const row = this.figures.row(snapshot.low);
     const unit = this.figures.plots?.table?.unit_nm ?? NaN;
+    const unknown = this.figures.pending ? "…" : "–";
     for (const { name, column, angle_rad: angle, target_rad: target, error_rad: error } of joints) {
       const torque = row?.torque?.[column] ?? (row?.joint_torque?.[column] ?? NaN) * unit;
       /** @type {Record<string, string>} */
@@ -194,7 +195,7 @@ export class ModulePanel {
         target: degrees(target, 0),
         error: error === null ? "–" : radians(error),
         speed: Number.isNaN(speeds[column]) ? "–" : si(speeds[column], "rad/s"),
-        torque: Number.isFinite(torque) ? newtonMetres(torque) : "–",
+        torque: Number.isFinite(torque) ? newtonMetres(torque) : unknown,
       };
       const cells = /** @type {NodeListOf<HTMLElement>} */ (
         this.panel.querySelectorAll(`[data-joint="${name}"] [data-of]`)

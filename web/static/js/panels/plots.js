@@ -165,6 +165,9 @@ export class Plots {
     const hint = element("p", { class: "hint" }, "Plots appear when the fold is finished.");
     panel.replaceChildren(hint);
     figures.on("begun", () => this.build());
+    figures.on("computing", () => {
+      if (!figures.plots) hint.textContent = "Computing the plots…";
+    });
     figures.on("missing", () => {
       if (!figures.plots) hint.textContent = "There are no plots for this plan.";
     });

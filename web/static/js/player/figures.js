@@ -1,10 +1,11 @@
 // Per-frame figures that are computed after a fold: clearances, torques, position errors.
-import { Emitter, Source } from "./timeline.js";
+import { Emitter, RefusedError, Source } from "./timeline.js";
 import { at } from "../lib/text.js";
 
 const KEPT = 24; // cached parts
 const AT_ONCE = 2; // concurrent requests
 const RETRY_MS = 2000;
+const MAX_TRIES = 30; // requests for the curves, if the service is busy with others
 
 export class Figures extends Emitter {
   /** @param {string} id */
@@ -17,6 +18,7 @@ export class Figures extends Emitter {
     this.parts = new Map();
     /** @type {Set<number>} */
     this.loading = new Set();
+    this.asked = false;
   }
 
   /**
@@ -29,16 +31,39 @@ export class Figures extends Emitter {
     return this.source.get(`figures${query}`);
   }
 
-  // Fetch the curves of the plots; report "missing" if there are no figures.
+  // Fetch the curves of the plots, which the service computes on the first request; report
+  // "computing" and then "begun", or "missing" if there are no figures.
   async begin() {
-    if (this.plots) return;
-    const plots = await this.get("").catch(() => null);
+    if (this.asked) return;
+    this.asked = true;
+    this.tell("computing");
+    const plots = await this.curves();
     if (!plots) {
+      this.asked = false;
       this.tell("missing");
       return;
     }
     this.plots = { ...plots.header, ...plots.arrays };
     this.tell("begun");
+  }
+
+  // Return the curves; null if there are none, or if too many requests were refused.
+  async curves() {
+    for (let tries = 0; tries < MAX_TRIES; tries++) {
+      try {
+        return await this.get("");
+      } catch (error) {
+        if (!(error instanceof RefusedError)) return null;
+        const { pauseMs } = error;
+        await new Promise((resolve) => setTimeout(resolve, pauseMs));
+      }
+    }
+    return null;
+  }
+
+  // True while the service computes them.
+  get pending() {
+    return this.asked && !this.plots;
   }
 
   // True if there are values of single modules.

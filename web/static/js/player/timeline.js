@@ -47,7 +47,7 @@ export class Emitter extends EventTarget {
 class DamagedError extends Error {}
 
 // The service refused a request; another try after a pause may succeed.
-class RefusedError extends Error {
+export class RefusedError extends Error {
   /** @param {Response} answer */
   constructor(answer) {
     super(`The request failed: the server answered with status ${answer.status}.`);
