@@ -113,10 +113,10 @@ def _binary(data: bytes, source: Source) -> Solid:
             "them; save the file again.",
         )
     notes = () if len(data) == expected else (TAIL_IGNORED,)
-    points, faces = triangles_in(data[:expected], "stl")
+    corners = np.frombuffer(data, dtype=ROW, count=count, offset=HEADER_BYTES)["corners"]
     return Solid.from_triangles(
-        points,
-        faces,
+        corners.reshape(-1, 3),
+        np.arange(3 * count).reshape(-1, 3),
         name=source.name or "solid",
         notes=notes,
         max_triangles=source.max_triangles,

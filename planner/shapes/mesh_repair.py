@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,13 +46,11 @@ class Closed:
 def edges_of(faces: Ints) -> Edges:
     """Count how triangles share edges; there must be some.
 
-    trimesh takes a mesh for watertight when each edge is shared by two. Four are as good: solids
-    that touch along an edge are closed.
+    Two triangles at an edge close a mesh. Four are as good: solids that touch along an edge are
+    closed.
     """
-    from trimesh import geometry, grouping
-
-    runs = np.asarray(geometry.faces_to_edges(faces))
-    first, kind = grouping.unique_rows(np.sort(runs, axis=1))
+    runs = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    first, kind = _kinds(np.sort(runs, axis=1))
     counts = np.bincount(kind)
     open_ = int((counts % 2).sum())
     loose = runs[first[counts == 1]]
@@ -91,15 +90,11 @@ def welded(
     Triangles that collapse are left out, and with ``once`` those that come again with the same
     corners in the same order. Without it a closed mesh stays closed.
     """
-    from trimesh import grouping
-
     rows = points + 0.0
     if tolerance > 0:
         rows = np.round((points - points.min(axis=0)) / tolerance)
-    first, inverse = grouping.unique_rows(
-        rows.astype(np.int64) if tolerance > 0 else _bits(rows).view(np.int64)
-    )
-    # The order in which trimesh has them means nothing, but rims that touch are closed by it.
+    first, inverse = _kinds(rows.astype(np.int64) if tolerance > 0 else _bits(rows).view(np.int64))
+    # The order of kinds means nothing, but rims that touch are closed by it.
     order = np.argsort(_mixed(rows[first]))
     place = np.empty_like(order)
     place[order] = np.arange(len(order))
@@ -112,8 +107,26 @@ def welded(
         return points[first], joined
     turn = np.argmin(joined, axis=1)
     turned = np.take_along_axis(joined, (turn[:, None] + np.arange(3)) % 3, axis=1)
-    first_faces, _ = grouping.unique_rows(turned)
+    first_faces, _ = _kinds(turned)
     return points[first], turned[np.sort(first_faces)] if len(first_faces) < len(turned) else turned
+
+
+def _kinds(rows: Ints) -> tuple[Ints, Ints]:
+    """Return the first index of each kind of equal (n, k) rows, and the (n,) kinds of all rows.
+
+    Rows of small numbers are numbered, since numbers are sorted faster than rows.
+    """
+    low, high = rows.min(axis=0), rows.max(axis=0)
+    sides = [int(last) - int(first) + 1 for first, last in zip(low, high, strict=True)]
+    if prod(sides) < 2**63:
+        keys = np.zeros(len(rows), dtype=np.int64)
+        for side, column in zip(sides, (rows - low).T, strict=True):
+            keys = keys * side + column
+    else:
+        row = np.dtype((np.void, rows.itemsize * rows.shape[1]))
+        keys = np.ascontiguousarray(rows).view(row).reshape(-1)
+    _, first, kind = np.unique(keys, return_index=True, return_inverse=True)
+    return first, kind
 
 
 def closed_holes(points: Array, faces: Ints, edges: Edges) -> Closed:
