@@ -215,8 +215,8 @@ class CertificateFigures(TypedDict, total=False):
         Figure(
             "Smallest clearance while unfolding",
             "pitch",
-            help="Smallest clearance found in the record. No robot follows the record, so the "
-            "verdict does not depend on it.",
+            help="Smallest clearance at the frames of the record. No robot follows the record, so "
+            "the verdict does not depend on it.",
             source="record",
         ),
     ]

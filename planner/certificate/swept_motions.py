@@ -8,7 +8,7 @@ from typing import Any
 from foldback.planner.chain.chain import Chain
 from foldback.planner.clearance.exempt_pairs import Place
 from foldback.planner.clearance.rounding_errors import clearance_rounding
-from foldback.planner.clearance.sweep import BOUND_RATIO, Sweep, sweep
+from foldback.planner.clearance.sweep import ClosestMoment, Sweep, closest_at_frames, sweep
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record
 from foldback.planner.playback.playback import Playback
@@ -19,10 +19,11 @@ from foldback.planner.progress import Cancelled, Progress, Report
 class Sweeps:
     """Sweeps of a fold's motions; None of a motion that is not there, or not swept to its end.
 
-    The order of ``other_robots`` is that of ``motions_of_other_robots``.
+    The order of ``other_robots`` is that of ``motions_of_other_robots``. Nothing is proved of the
+    record.
     """
 
-    record: Sweep | None = None
+    record: ClosestMoment | None = None
     plan: Sweep | None = None
     playback: Sweep | None = None
     other_robots: tuple[Sweep, ...] = ()
@@ -35,20 +36,16 @@ class Sweeps:
     def figures(self) -> dict[str, Any]:
         """Return the figures of a certificate that come from sweeps alone."""
         record, plan, playback = self.record, self.plan, self.playback
-        bounds = [swept.bound for swept in (plan, *self.of_robots) if swept is not None]
-        # A sweep that serves two motions counts once.
-        different = {
-            id(swept): swept for swept in (record, plan, *self.of_robots) if swept is not None
-        }
+        sweeps = [swept for swept in (plan, *self.of_robots) if swept is not None]
         return {
             "min_clearance": plan and plan.clearance,
             "min_clearance_at": _place(plan),
-            "clearance_bound": min(bounds, default=None),
+            "clearance_bound": min((swept.bound for swept in sweeps), default=None),
             "min_clearance_playback": playback and playback.clearance,
             "min_clearance_playback_at": _place(playback),
             "min_clearance_record": record and record.clearance,
             "min_clearance_record_at": _place(record),
-            "in_betweens": sum(swept.in_betweens for swept in different.values()),
+            "in_betweens": sum(swept.in_betweens for swept in sweeps),
         }
 
 
@@ -64,7 +61,8 @@ class Sweeper:
 
     def sweep_all(self, record: Record | None, playback: Playback | None) -> Sweeps:
         """Return the sweeps of all motions; none at all if it was cancelled."""
-        of_record = of_plan = of_playback = None
+        of_record: ClosestMoment | None = None
+        of_plan = of_playback = None
         of_others: tuple[Sweep, ...] = ()
         if playback is not None:
             of_plan = self._sweep(playback.reference, "plan", 0.35)
@@ -79,23 +77,26 @@ class Sweeper:
             if frames is not None and frames.is_windowed and record.frames.passes_as(frames[::-1]):
                 of_record = of_plan  # the same places, and the same ways between them
             else:
-                # Nothing is proved of a record, whose clearance is only told.
-                of_record = self._sweep(record.frames, "recorded explosion", 0.0, share=0.0)
+                self._report("recorded explosion", 0.0)
+                of_record = closest_at_frames(
+                    self.chain, record.frames, module_size=self.size, cancelled=self._stops
+                )
         if self._stops():
             # What was not looked at to its end proves nothing; nobody knows what is least in it.
             return Sweeps()
         return Sweeps(record=of_record, plan=of_plan, playback=of_playback, other_robots=of_others)
 
-    def _sweep(
-        self, motion: Motion, name: str, fraction: float, share: float = BOUND_RATIO
-    ) -> Sweep:
-        message = f"checking the {name}"
-        self.progress(Progress(stage="certify", fraction=fraction, message=message))
-        swept = sweep(self.chain, motion, module_size=self.size, share=share, cancelled=self._stops)
+    def _sweep(self, motion: Motion, name: str, fraction: float) -> Sweep:
+        self._report(name, fraction)
+        swept = sweep(self.chain, motion, module_size=self.size, cancelled=self._stops)
         if swept.bound <= 0.0:
             return swept
         rounding = clearance_rounding(self.chain, motion, self.size)
         return replace(swept, bound=swept.bound - rounding)
+
+    def _report(self, name: str, fraction: float) -> None:
+        message = f"checking the {name}"
+        self.progress(Progress(stage="certify", fraction=fraction, message=message))
 
     def _stops(self) -> bool:
         self.is_cancelled = self.is_cancelled or self.cancelled()
@@ -121,5 +122,5 @@ def motions_of_other_robots(playback: Playback) -> tuple[Motion, ...]:
     return tuple(playback.frames.with_angles(angles) for angles in other_angles)
 
 
-def _place(swept: Sweep | None) -> Place | None:
+def _place(swept: ClosestMoment | None) -> Place | None:
     return None if swept is None else Place(frame=swept.frame, modules=swept.modules)

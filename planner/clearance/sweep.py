@@ -34,6 +34,7 @@ from foldback.planner.core import (
     ROTATION,
     ROUNDING_MARGIN,
     VELOCITY,
+    closest_frame,
     least_separation,
     near_pairs,
     rigid_clearances,
@@ -64,14 +65,26 @@ subtracted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sweep:
+class ClosestMoment:
     """The closest place of a motion.
 
     Attributes:
-        clearance: Least clearance seen at frames and in-betweens, in pitches; 0 where modules touch
-            and overlap by no more than the rounding error.
+        clearance: Least clearance seen, in pitches; 0 where modules touch and overlap by no more
+            than the rounding error.
         frame: Frame number of it; a fraction means between two frames.
         modules: The two modules; None if no pair is below the cap.
+    """
+
+    clearance: float
+    frame: float
+    modules: tuple[int, int] | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sweep(ClosestMoment):
+    """The closest place of a motion at frames and in-betweens, and what is proved of all of it.
+
+    Attributes:
         bound: Lower bound of the clearance over the whole motion, in pitches; 0 or less if it could
             not be proved.
         unbounded: Frame number around which the bisection ended without a proof; None if it never
@@ -80,9 +93,6 @@ class Sweep:
         per_frame: (F,) clearance at each frame in pitches, at most the cap.
     """
 
-    clearance: float
-    frame: float
-    modules: tuple[int, int] | None
     bound: float
     unbounded: float | None
     in_betweens: int
@@ -117,6 +127,33 @@ def sweep(
         # A short chain may never come that near itself: then its clearance is above the cap.
         swept = _swept(chain, motion, replace(exact, enough=EXTENDED_CLEARANCE_CAP), cancelled)
     return swept
+
+
+def closest_at_frames(
+    chain: Chain, motion: Motion, *, module_size: float, cancelled: Cancelled = never
+) -> ClosestMoment:
+    """Return the least clearance at the frames of a motion of which nothing is to be proved.
+
+    Args:
+        chain: The chain.
+        motion: The motion.
+        module_size: Module size as a fraction of the pitch.
+        cancelled: Polled between tasks; then the result covers the tasks that were done.
+
+    Raises:
+        InputError: ``bad-windows`` for a windowed motion that is not of this chain.
+    """
+    query = _Query(
+        size=module_size,
+        share=0.0,
+        enough=CLEARANCE_CAP,
+        tolerance=EXACT,
+        frames_only=True,
+    )
+    closest = _swept(chain, motion, query, cancelled)
+    if closest.modules is None and not cancelled():
+        closest = _swept(chain, motion, replace(query, enough=EXTENDED_CLEARANCE_CAP), cancelled)
+    return ClosestMoment(clearance=closest.clearance, frame=closest.frame, modules=closest.modules)
 
 
 def disturbed_sweep(
@@ -164,6 +201,7 @@ class _Query:
         enough: Cutoff in pitches: clearances of this and more are not told apart.
         tolerance: Errors of hinges whose effect is taken off.
         frames_per_task: Number of frames that a thread takes at a time.
+        frames_only: Look at the frames alone; then there is no bound.
     """
 
     size: float
@@ -171,6 +209,7 @@ class _Query:
     enough: float
     tolerance: Tolerance
     frames_per_task: int = 64
+    frames_only: bool = False
 
 
 def _swept(chain: Chain, motion: Motion, query: _Query, cancelled: Cancelled) -> Sweep:
@@ -194,25 +233,27 @@ def _swept(chain: Chain, motion: Motion, query: _Query, cancelled: Cancelled) ->
         begins, ends = int(offsets[start]), int(offsets[min(stop + 1, frames)])
         values = np.ascontiguousarray(motion.angles_rad[begins:ends], dtype=np.float64)
         angles = Angles(first=first, offsets=offsets, shift=begins, values=values)
+        if query.frames_only:
+            return closest_frame(shape, angles, start, stop, enough, rigid, per_frame)
         return sweep_frames(shape, angles, start, stop, enough, rigid, per_frame, query.share)
 
     best, bound, unbounded, in_betweens = enough, enough, -1.0, 0
-    closest_frame, modules = 0.0, (-1, -1)
+    best_frame, modules = 0.0, (-1, -1)
     for chunk in _in_turn(part, range(0, frames, query.frames_per_task), cancelled):
         bound = min(bound, chunk.lower_bound)
         in_betweens += chunk.midpoints
         if unbounded < 0.0:
             unbounded = chunk.unproved_at
         if chunk.clearance < best:
-            best, closest_frame, modules = chunk.clearance, chunk.frame, (chunk.first, chunk.second)
+            best, best_frame, modules = chunk.clearance, chunk.frame, (chunk.first, chunk.second)
     if best < enough and modules[0] < 0:
         # Nothing that moves is closer than what is at rest.
-        modules = tuple(closest[int(closest_frame)].tolist())
+        modules = tuple(closest[int(best_frame)].tolist())
     best = 0.0 if _is_contact(best) else best
     per_frame[_is_contact(per_frame)] = 0.0
     return Sweep(
         clearance=float(best),
-        frame=float(closest_frame),
+        frame=float(best_frame),
         modules=None if modules[0] < 0 else (int(modules[0]), int(modules[1])),
         bound=float(min(0.0 if _is_contact(bound) else bound, best)),
         unbounded=None if unbounded < 0.0 else float(unbounded),

@@ -533,6 +533,22 @@ def sweep_frames(
         ratio: Part of the least clearance seen that the lower bound should reach, where it can.
     """
 
+def closest_frame(
+    shape: Shape,
+    angles: Angles,
+    start: int,
+    stop: int,
+    cutoff: float,
+    rigid: Array,
+    per_frame: Array,
+) -> SweepResult:
+    """Return the least clearance of the frames ``start`` … ``stop`` − 1; nothing is proved.
+
+    Args:
+        shape, angles, start, stop, cutoff, rigid: See ``sweep_frames``.
+        per_frame: (F,) written: clearance of each frame, at most the least of those before.
+    """
+
 def deepest_overlap(
     link: Link, folded: Array, first: Ints, offsets: Ints, values: Array
 ) -> Overlap:

@@ -456,6 +456,20 @@ Sweep::Check Sweep::check_frame(Index frame) {
   return check_pairs(0.0, pairs_.data(), pairs_.data() + pairs_.size(), cap, 0.0);
 }
 
+SweepResult Sweep::closest_frame(Index start, Index stop) {
+  SweepResult best{cutoff_, static_cast<double>(start), -1, -1, -INFINITE, -1.0, 0};
+  for (Index k = start; k < stop; ++k) {
+    Check check = check_frame(k);
+    per_frame_[k] = check.clearance;
+    if (check.clearance >= best.clearance) continue;
+    cutoff_ = best.clearance = check.clearance;  // only closer ones count from here on
+    best.frame = static_cast<double>(k);
+    best.first = check.first;
+    best.second = check.second;
+  }
+  return best;
+}
+
 SweepResult Sweep::run(Index start, Index stop) {
   SweepResult best{cutoff_, static_cast<double>(start), -1, -1, cutoff_, -1.0, 0};
   const Index frames = angles_.frames();
@@ -578,25 +592,42 @@ void bind_sweep(nanobind::module_ &m) {
   m.attr("TIGHT_BISECTIONS") = TIGHT_BISECTIONS;
   m.attr("MAX_COARSE_BISECTIONS") = MAX_COARSE_BISECTIONS;
   m.attr("MAX_BISECTIONS") = MAX_BISECTIONS;
+  const auto run = [](Shape shape, Angles angles, Index start, Index stop, double cutoff,
+                      View<const double, 1> rigid, View<double, 1> per_frame, double ratio,
+                      SweepResult (Sweep::*part)(Index, Index)) {
+    require_shape(shape);
+    require_angles(angles, shape.folded_rad.size(), start, stop);
+    require(rigid.size() == angles.frames() && per_frame.size() == angles.frames(),
+            "rigid, per_frame: (F,)");
+    SweepResult result;
+    {
+      nb::gil_scoped_release release;
+      Sweep sweep(shape, angles, cutoff, rigid, per_frame, ratio);
+      result = (sweep.*part)(start, stop);
+    }
+    return named_tuple("SweepResult", result.clearance, result.frame, result.first, result.second,
+                       result.lower_bound, result.unproved_at, result.midpoints);
+  };
   m.def(
       "sweep_frames",
-      [](Shape shape, Angles angles, Index start, Index stop, double cutoff,
-         View<const double, 1> rigid, View<double, 1> per_frame, double ratio) {
-        require_shape(shape);
-        require_angles(angles, shape.folded_rad.size(), start, stop);
-        require(rigid.size() == angles.frames() && per_frame.size() == angles.frames(),
-                "rigid, per_frame: (F,)");
-        SweepResult result;
-        {
-          nb::gil_scoped_release release;
-          result = Sweep(shape, angles, cutoff, rigid, per_frame, ratio).run(start, stop);
-        }
-        return named_tuple("SweepResult", result.clearance, result.frame, result.first,
-                           result.second, result.lower_bound, result.unproved_at, result.midpoints);
+      [run](Shape shape, Angles angles, Index start, Index stop, double cutoff,
+            View<const double, 1> rigid, View<double, 1> per_frame, double ratio) {
+        return run(shape, angles, start, stop, cutoff, rigid, per_frame, ratio, &Sweep::run);
       },
       nb::arg("shape"), nb::arg("angles"), nb::arg("start"), nb::arg("stop"), nb::arg("cutoff"),
       nb::arg("rigid"), nb::arg("per_frame"), nb::arg("ratio"),
       "Prove the clearance of the frames from `start` up to `stop`, and from each to the next.");
+  m.def(
+      "closest_frame",
+      [run](Shape shape, Angles angles, Index start, Index stop, double cutoff,
+            View<const double, 1> rigid, View<double, 1> per_frame) {
+        return run(shape, angles, start, stop, cutoff, rigid, per_frame, 0.0,
+                   &Sweep::closest_frame);
+      },
+      nb::arg("shape"), nb::arg("angles"), nb::arg("start"), nb::arg("stop"), nb::arg("cutoff"),
+      nb::arg("rigid"), nb::arg("per_frame"),
+      "Return the least clearance of the frames from `start` up to `stop`, but of nothing between "
+      "them.");
   m.def("rigid_clearances", rigid_clearances, nb::arg("positions"), nb::arg("rotations"),
         nb::arg("pairs"), nb::arg("hull"), nb::arg("size"), nb::arg("cutoff"),
         "Return the clearance of the modules 0 to j of a rigid chain for each j, and the pair.");

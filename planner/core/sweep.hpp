@@ -79,6 +79,9 @@ class Sweep {
   // Prove the clearance of the frames `start` to `stop` − 1 and from each to the next.
   SweepResult run(Index start, Index stop);
 
+  // Find the least clearance of the frames `start` to `stop` − 1, and nothing between them.
+  SweepResult closest_frame(Index start, Index stop);
+
  private:
   // Result of checking pairs in one interval: lemma 8.
   struct Check {

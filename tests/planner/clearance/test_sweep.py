@@ -4,9 +4,16 @@ import pytest
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import forward_kinematics
 from foldback.planner.clearance.clearance import closest
-from foldback.planner.clearance.sweep import CLEARANCE_CAP, EXTENDED_CLEARANCE_CAP, sweep
+from foldback.planner.clearance.sweep import (
+    CLEARANCE_CAP,
+    EXTENDED_CLEARANCE_CAP,
+    clearance_at,
+    closest_at_frames,
+    sweep,
+)
 from foldback.planner.motion.motion import as_motion
 from tests.planner.chains import Array, coil, line
+from tests.planner.peels import peel, snake
 
 
 def clearance_of(chain: Chain, angles: Array, size: float) -> float:
@@ -87,3 +94,25 @@ def test_cancelled_sweep_covers_nothing_more() -> None:
         swept = sweep(chain, frames, module_size=1.5, cancelled=lambda: True)
         assert swept.in_betweens == 0
         assert swept.clearance == CLEARANCE_CAP
+
+
+@pytest.mark.parametrize("windowed", [False, True])
+def test_closest_frame_is_that_of_the_sweep_without_what_is_between(windowed: bool) -> None:
+    chain = snake((3, 4, 5))
+    motion = peel(chain, width=18, step=1.5)
+    motion = motion if windowed else motion.dense(chain)
+    swept = sweep(chain, motion, module_size=0.6)
+    closest = closest_at_frames(chain, motion, module_size=0.6)
+    assert closest.clearance == swept.per_frame.min()
+    assert closest.frame == swept.per_frame.argmin()
+    assert closest.modules is not None
+    clearance = clearance_at(chain, motion, closest.frame, closest.modules, module_size=0.6)
+    assert clearance == pytest.approx(closest.clearance, abs=1e-12)
+
+
+def test_closest_frame_of_a_motion_far_from_itself_is_found_beyond_the_usual_cutoff() -> None:
+    chain = line(4)
+    motion = as_motion(np.zeros((2, len(chain.folded_rad))))
+    closest = closest_at_frames(chain, motion, module_size=0.5)
+    assert closest.clearance == pytest.approx(1.5)
+    assert closest.modules in {(0, 2), (1, 3)}
