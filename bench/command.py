@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import resource
 import subprocess
 import sys
 import tempfile
@@ -36,6 +37,7 @@ class Run:
         summary: JSON object that the command prints.
         code: Exit code.
         wall_s: Seconds from the start to the end of the process, imports included.
+        processor_s: Processor time of the process and of its children, s.
         peak_mb: Peak resident memory of the process, or of it and its children together, MiB.
             Memory that processes share counts for each of them.
     """
@@ -43,6 +45,7 @@ class Run:
     summary: dict[str, Any]
     code: int
     wall_s: float
+    processor_s: float
     peak_mb: float
 
 
@@ -53,7 +56,7 @@ def fold(shape: str, *options: str, out: Path | None = None) -> Run:
             *(sys.executable, "-m", "foldback.server.cli.command_line", "fold", shape),
             *("--out", str(out or Path(directory) / "fold"), "--json", *options),
         ]
-        start_s = time.perf_counter()
+        start_s, used_s = time.perf_counter(), _children_seconds()
         process = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=_environment()
         )
@@ -66,8 +69,15 @@ def fold(shape: str, *options: str, out: Path | None = None) -> Run:
         summary=json.loads(output.splitlines()[-1]),
         code=code,
         wall_s=wall_s,
+        processor_s=_children_seconds() - used_s,
         peak_mb=max(readings) / 2**20,
     )
+
+
+def _children_seconds() -> float:
+    """Return the processor time of the ended children of this process, s."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def _environment() -> dict[str, str]:
