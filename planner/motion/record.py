@@ -13,8 +13,10 @@ from foldback.planner.arrays import Array, Ints
 from foldback.planner.motion.angle_encoding import packed_frames, unpacked_frames
 from foldback.planner.motion.failure_schemas import SpentKind
 from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.timeline import Timeline
 from foldback.planner.reasons import Reason
 from foldback.planner.storage.array_files import save_npz
+from foldback.planner.storage.file_names import TIMELINE
 
 RecordStatus = Literal["straight", "stalled", "diverged", "cancelled", "timeout"]
 
@@ -128,8 +130,13 @@ class Record:
             "strategy": self.strategy,
         }
 
-    def save(self, path: FilePath) -> None:
-        """Write an ``.npz`` that is either complete or absent."""
+    def save(self, path: FilePath, *, frames: bool = True) -> None:
+        """Write an ``.npz`` that is either complete or absent.
+
+        Args:
+            path: Path of the file.
+            frames: False if the timeline beside it holds the frames.
+        """
         save_npz(
             path,
             {
@@ -139,7 +146,7 @@ class Record:
                 **({} if self.table is None else self.table.arrays()),
                 **({} if self.spent is None else self.spent.arrays()),
                 **({} if self.rest_frames is None else {"rest_frames": self.rest_frames}),
-                **self.frames.columns(),
+                **(self.frames.columns() if frames else {}),
                 **(
                     {}
                     if self.snapshots_rad is None
@@ -149,13 +156,22 @@ class Record:
         )
 
     @classmethod
-    def load(cls, path: FilePath) -> Record:
-        """Read a file that ``save`` wrote."""
+    def load(cls, path: FilePath, timeline: FilePath | None = None) -> Record:
+        """Read a file that ``save`` wrote.
+
+        Args:
+            path: Path of the file.
+            timeline: Path of the timeline; the one beside it if None.
+        """
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             arrays = dict(file)
             packed = any(name.startswith("snapshots_rad") for name in arrays)
+            if "time_s" in arrays:
+                frames = Motion.from_columns(arrays)
+            else:
+                frames = Timeline.open(timeline or path.with_name(TIMELINE)).explosion()
             return cls(
-                frames=Motion.from_columns(arrays),
+                frames=frames,
                 snapshots_rad=unpacked_frames(arrays, "snapshots_rad") if packed else None,
                 table=TableRecord.of(arrays),
                 spent=Spent.from_arrays(arrays),

@@ -29,7 +29,7 @@ from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.chain_attributes import chain_attributes, chain_from_attributes
 from foldback.planner.errors import UNREADABLE, DamagedError, InputError, TimelineError
-from foldback.planner.motion.motion import FRAME_COLUMNS, WINDOW_COLUMNS, Motion
+from foldback.planner.motion.motion import EXPLOSION, FRAME_COLUMNS, WINDOW_COLUMNS, Motion
 from foldback.planner.storage.array_files import (
     HEAD,
     Arrays,
@@ -330,6 +330,18 @@ class Timeline:
             return Motion.empty(len(self.chain.folded_rad))
         nothing = np.zeros(0, np.int64)
         return Motion.from_angles(np.zeros(0, np.float32), nothing, np.zeros(1, np.int64))
+
+    def explosion(self) -> Motion:
+        """Read the frames of the explosion."""
+        return self.motion(0, self._exploded())
+
+    def playback(self) -> Motion:
+        """Read the frames of the playback, and of the unfolding before it."""
+        return self.motion(self._exploded())
+
+    def _exploded(self) -> int:
+        """Return the number of frames of the explosion; they are the first ones."""
+        return int((self.clock()[1] == EXPLOSION).sum())
 
     def frames(self, start: int = 0, stop: int | None = None, stride: int = 1) -> Motion:
         """Read frames as a dense motion, see ``motion``."""

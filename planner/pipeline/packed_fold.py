@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import json
 import lzma
+from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import Any, Final, cast
 
@@ -26,7 +27,8 @@ from foldback.planner.motion.angle_encoding import (
     to_step_counts,
     whole_numbers,
 )
-from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.motion import FRAME_COLUMNS, Motion
+from foldback.planner.motion.record import Record
 from foldback.planner.motion.timeline import Timeline, TimelineWriter
 from foldback.planner.pipeline.manifest import write_manifest
 from foldback.planner.storage import file_names as names
@@ -76,7 +78,7 @@ def pack(directory: FilePath, about: dict[str, Any]) -> bytes:
     for file in ARRAY_FILES:
         if (directory / file).exists():
             with np.load(directory / file, allow_pickle=False) as opened:
-                packer.add_npz(file, dict(opened))
+                packer.add_npz(file, _frames_of(directory, file) | dict(opened))
     packer.add_figures(Figures.load(directory / names.FIGURES))
     header = {
         "format": PACKED_FORMAT,
@@ -102,11 +104,16 @@ def unpack(data: bytes, directory: FilePath) -> dict[str, Any]:
     files_found = _unpacked(arrays, header["coded"])
     for name, text in header["texts"].items():
         write_whole(directory / name, text.encode())
+    refold = (directory / names.START_CHAIN).exists()
+    shown = (names.PLAYBACK,) if refold else (names.RECORD, names.PLAYBACK)
     for file in ARRAY_FILES:
-        if any(name.startswith(f"{file}/") for name in files_found):
-            save_npz(directory / file, _of_file(files_found, file))
+        stored = _of_file(files_found, file)
+        for name in (*FRAME_COLUMNS, "reference_rad") if file in shown else ():
+            stored.pop(name, None)
+        if stored:
+            save_npz(directory / file, stored)
     _write_plan_json(directory / names.PLAN_TEXT, _of_file(files_found, names.PLAN))
-    _write_timeline(directory, files_found, header["timeline"])
+    _write_timeline(directory, files_found, shown, header["timeline"])
     write([Figures(**_of_file(files_found, "figures"))], directory / names.FIGURES)
     write_manifest(directory)
     return header["about"]
@@ -255,11 +262,24 @@ def _write_plan_json(path: FilePath, arrays: Arrays) -> None:
     write_json(path, values)
 
 
-def _write_timeline(directory: FilePath, arrays: Arrays, timeline_id: str) -> None:
+def _frames_of(directory: FilePath, file: str) -> Arrays:
+    """Return the arrays that the file of a record or playback leaves out."""
+    from foldback.planner.playback.playback import Playback  # loads the physics
+
+    if file == names.RECORD:
+        return Record.load(directory / file).frames.columns()
+    if file == names.PLAYBACK:
+        playback = Playback.load(directory / file)
+        return playback.frames.columns() | {"reference_rad": np.asarray(playback.reference_rad)}
+    return {}
+
+
+def _write_timeline(
+    directory: FilePath, arrays: Arrays, shown: Sequence[str], timeline_id: str
+) -> None:
     """Write the timeline: the explosion, unless the fold is a refold, and the playback."""
     path = directory / names.TIMELINE
     chain = chain_from_attributes(json.loads((directory / names.CHAIN).read_bytes()))
-    refold = (directory / names.START_CHAIN).exists()
     with TimelineWriter.create(path, chain, timeline_id=timeline_id) as writer:
-        for file in (names.PLAYBACK,) if refold else (names.RECORD, names.PLAYBACK):
+        for file in shown:
             writer.append(Motion.from_columns(_of_file(arrays, file)))

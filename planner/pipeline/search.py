@@ -176,6 +176,17 @@ def is_smoothing(record: Record | None) -> bool:
     return record is not None and record.strategy in SMOOTHING_WAYS
 
 
+def keeps_frames(record: Record | None) -> bool:
+    """Return True if the file of a record holds its frames, which the timeline does not show.
+
+    So that others can check it, the file of a failed explosion holds them, too. On a table, the
+    timeline shows frames of all hinges in place of windows.
+    """
+    return record is not None and (
+        record.status != "straight" or record.table is not None or is_smoothing(record)
+    )
+
+
 def share_bent(chain: Chain, last: Motion) -> float:
     """Return the fraction of the folded chain's bends that an explosion has left; 0 after it."""
     if last.phase[-1] != _EXPLOSION:

@@ -34,12 +34,12 @@ from foldback.planner.pipeline.next_step import (
 )
 from foldback.planner.pipeline.preference import COMPUTING
 from foldback.planner.pipeline.reading import Reading, read_plan, read_shape
-from foldback.planner.pipeline.search import FoldSpec, Search, Watch, is_smoothing
+from foldback.planner.pipeline.search import FoldSpec, Search, Watch, is_smoothing, keeps_frames
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.progress import STAGES, Cancelled, Progress, Report, never, silent
 from foldback.planner.reasons import Reason
 from foldback.planner.reasons import ReasonCode as Code
-from foldback.planner.storage.file_names import DESCRIBED, EXPORTED_FILES, PLAN_TEXT
+from foldback.planner.storage.file_names import DESCRIBED, EXPORTED_FILES, PLAN_TEXT, PLAYBACK
 
 NO_EXPLOSION: Final = {"status": "none", "reason": None, "steps": 0, "frames": 0, "seconds": 0.0}
 """Figures of the stage ``explode`` where nothing explodes."""
@@ -210,7 +210,9 @@ class InDirectory(Store):
         if isinstance(step, Explode):
             number = len(search.history) - 1
             if number in search.results:
-                workspace.attempt_of(number).write_explosion(search.results[number])
+                result, refold = search.results[number], workspace.read_request().refold
+                frames = refold or keeps_frames(result.record)
+                workspace.attempt_of(number).write_explosion(result, frames=frames)
             workspace.write_history(search.history)
             workspace.keep_explosions(search.results)
         elif isinstance(step, Certify):
@@ -294,10 +296,10 @@ def export_best(workspace: Workspace) -> dict[str, Any]:
         recorded=recorded,
     )
     workspace.drop_derived()
-    before = [name for name in DESCRIBED if name not in EXPORTED_FILES]
+    before = [name for name in DESCRIBED if name not in (*EXPORTED_FILES, PLAYBACK)]
     with ThreadPoolExecutor(1) as beside:
         digests = beside.submit(manifest.digests_of, workspace.directory, before)
-        texts = workspace.write_plan(plan)
+        texts = workspace.write_plan(plan, result.playback)
     # Of a thousand numbers that were just written as text, it is not asked for once more.
     written = {PLAN_TEXT: manifest.digests_of_texts(texts)}
     manifest.write_manifest(workspace.directory, digests.result() | written)

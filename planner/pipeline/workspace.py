@@ -178,21 +178,26 @@ class Workspace:
         """Return the chain that is folded."""
         return chain_from_attributes(json.loads(self._result(names.CHAIN).read_bytes()))
 
-    def write_explosion(self, result: Result) -> None:
-        """Write the record of an explosion or smoothing, and the plan that was smoothed."""
+    def write_explosion(self, result: Result, *, frames: bool) -> None:
+        """Write the record of an explosion or smoothing, and the plan that was smoothed.
+
+        Args:
+            result: The result.
+            frames: False if the record's frames are in the timeline, and will stay there.
+        """
         if result.recorded is not None:
             result.recorded.save_npz(self.directory / names.RECORDED_PLAN)
         if result.record is not None:
-            result.record.save(self.directory / names.RECORD)
+            result.record.save(self.directory / names.RECORD, frames=frames)
 
     def read_record(self) -> Record | None:
         """Return the record; None where nothing has exploded."""
         path = self._result(names.RECORD)
-        return Record.load(path) if path.exists() else None
+        return Record.load(path, self._result(names.TIMELINE)) if path.exists() else None
 
     def write_playback(self, playback: Playback) -> None:
-        """Write a playback."""
-        playback.save(self.directory / names.PLAYBACK)
+        """Write a playback whose frames are in the timeline."""
+        playback.save(self.directory / names.PLAYBACK, frames=False)
 
     def drop_playback(self) -> None:
         """Remove the playback, which is about to be made anew."""
@@ -201,7 +206,7 @@ class Workspace:
     def read_playback(self) -> Playback | None:
         """Return the playback; None where there is none."""
         path = self._result(names.PLAYBACK)
-        return Playback.load(path) if path.exists() else None
+        return Playback.load(path, self._result(names.TIMELINE)) if path.exists() else None
 
     def write_judgement(self, result: Result) -> None:
         """Write a certificate, after the curves that belong to it."""
@@ -246,10 +251,16 @@ class Workspace:
         plan = Plan.load(self.directory / names.PLAN)
         return plan.with_joint_errors_of(self.read_playback())
 
-    def write_plan(self, plan: Plan) -> dict[str, str]:
-        """Write the plan of a fold and its model; return the text of each value of the plan."""
+    def write_plan(self, plan: Plan, playback: Playback | None) -> dict[str, str]:
+        """Write the plan of a fold and its model; return the text of each value of the plan.
+
+        The file of its playback then leaves out the reference, which is the plan's motion.
+        """
         write_whole(self.directory / names.MODEL, mjcf.write(plan))
         plan.save_npz(self.directory / names.PLAN)
+        if playback is not None:
+            path = self.directory / names.PLAYBACK
+            playback.save(path, frames=False, reference=False)
         return plan.save_json(self.directory / names.PLAN_TEXT)
 
     def drop_manifest(self) -> None:

@@ -15,10 +15,11 @@ from foldback.planner.arrays import FRAMES_AT_ONCE
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import DEFAULT_MODULE_SIZE
 from foldback.planner.errors import InputError
-from foldback.planner.motion.angle_encoding import packed_frames, unpacked_frames
+from foldback.planner.motion.angle_encoding import packed_frames, plan_columns, unpacked_frames
 from foldback.planner.motion.inverse_dynamics import inverse_dynamics
 from foldback.planner.motion.motion import Angles, Motion
 from foldback.planner.motion.record import Record
+from foldback.planner.motion.timeline import Timeline
 from foldback.planner.parameters.playback import PlaybackParameters
 from foldback.planner.playback.chain_run import PlaybackStatus
 from foldback.planner.playback.kinematic_playback import kinematic_frames, rests_between_places
@@ -31,6 +32,7 @@ from foldback.planner.playback.window_trajectory import FRAME_RAD, WindowTraject
 from foldback.planner.progress import Cancelled, Report, never, silent
 from foldback.planner.reasons import Reason
 from foldback.planner.storage.array_files import save_npz
+from foldback.planner.storage.file_names import PLAN, TIMELINE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -103,29 +105,38 @@ class Playback:
         figures = {name: getattr(self, name) for name in ("status", *_SCALARS)}
         return figures | {"reason": self.reason and self.reason.as_dict()} | rests
 
-    def save(self, path: FilePath) -> None:
-        """Write an ``.npz`` that is either complete or absent."""
-        frames, reference, packed = self.frames.columns(), self.reference_rad, dict[str, Any]()
-        if not self.frames.is_windowed:
-            planned = np.asarray(reference, dtype=np.float64)
-            packed = packed_frames("reference_rad", planned)
-            if np.array_equal(planned, frames["joint_angles_rad"]):
-                del frames["joint_angles_rad"]  # of a kinematic playback they are the same
-        elif reference is not None:
-            packed = {"window_reference_rad": reference}
+    def save(self, path: FilePath, *, frames: bool = True, reference: bool = True) -> None:
+        """Write an ``.npz`` that is either complete or absent.
+
+        Args:
+            path: Path of the file.
+            frames: False if the timeline beside it holds the frames.
+            reference: False if the plan beside it holds the reference.
+        """
+        columns = self.frames.columns() if frames else {}
         save_npz(
             path,
             {
                 "status": np.array(self.status),
                 "reason": np.array("" if self.reason is None else self.reason.as_text()),
                 **{name: _stored(getattr(self, name)) for name in _SCALARS},
-                **packed,
+                **(self._reference_columns() if reference else {}),
                 **({} if self.others_rad is None else {"others_rad": self.others_rad}),
                 **self._mujoco_columns(),
                 **({} if self.rest_frames is None else {"rest_frames": self.rest_frames}),
-                **frames,
+                **columns,
             },
         )
+
+    def _reference_columns(self) -> dict[str, Any]:
+        """Return the columns of the reference; none if the frames are the reference."""
+        if self.reference_rad is None:
+            return {}
+        if not self.simulated and np.array_equal(self.reference_rad, self.frames.stored_angles_rad):
+            return {}
+        if self.frames.is_windowed:
+            return {"window_reference_rad": self.reference_rad}
+        return packed_frames("reference_rad", np.asarray(self.reference_rad, dtype=np.float64))
 
     def _mujoco_columns(self) -> dict[str, Any]:
         if self.mujoco_rad is None:
@@ -133,18 +144,22 @@ class Playback:
         return {"mujoco_rad": self.mujoco_rad, "mujoco_robot": np.array(self.mujoco_robot)}
 
     @classmethod
-    def load(cls, path: FilePath) -> Playback:
-        """Read a file that ``save`` wrote."""
+    def load(cls, path: FilePath, timeline: FilePath | None = None) -> Playback:
+        """Read a file that ``save`` wrote.
+
+        Args:
+            path: Path of the file.
+            timeline: Path of the timeline; the one beside it if None.
+        """
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             arrays = dict(file)
-            if "offsets" in arrays:
-                reference = arrays.get("window_reference_rad")
+            if "time_s" in arrays:
+                frames = Motion.from_columns(arrays)
             else:
-                reference = unpacked_frames(arrays, "reference_rad")
-                arrays.setdefault("joint_angles_rad", reference)
+                frames = Timeline.open(timeline or path.with_name(TIMELINE)).playback()
             return cls(
-                frames=Motion.from_columns(arrays),
-                reference_rad=reference,
+                frames=frames,
+                reference_rad=_reference(arrays, frames, path),
                 others_rad=arrays.get("others_rad"),
                 mujoco_rad=arrays.get("mujoco_rad"),
                 mujoco_robot=(
@@ -157,6 +172,18 @@ class Playback:
                 reason=Reason.from_text(arrays["reason"].item()),
                 **{name: _loaded(arrays[name].item()) for name in _SCALARS},
             )
+
+
+def _reference(arrays: dict[str, Any], frames: Motion, path: FilePath) -> Angles | None:
+    """Return the reference in the arrays of a file at ``path``, or in the plan beside it."""
+    if "window_reference_rad" in arrays:
+        return arrays["window_reference_rad"]
+    if any(name.startswith("reference_rad") for name in arrays):
+        return unpacked_frames(arrays, "reference_rad")
+    if arrays["kind"].item() == "kinematic":
+        return None if frames.is_windowed else frames.joint_angles_rad
+    chain = Timeline.open(path.with_name(TIMELINE)).chain
+    return plan_columns(path.with_name(PLAN), chain.folded_rad)["angles_rad"]
 
 
 def _stored(value: Any) -> NDArray[Any]:

@@ -113,7 +113,7 @@ def robots_differ(directory: FilePath, plan: Plan, playback: Playback) -> Differ
             rtol=0.05,
             atol=SAME_SIMULATION_RAD,
         )
-    for name in ("angles_rad", "others_rad", "mujoco_rad"):
+    for name in ("angles_rad", "reference_rad", "others_rad", "mujoco_rad"):
         of = [
             result.frames.angles_rad if name == "angles_rad" else getattr(result, name)
             for result in (playback, repeated)

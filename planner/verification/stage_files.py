@@ -24,7 +24,6 @@ from foldback.planner.plan.value_differences import (
     value_differences,
     versus_plan,
 )
-from foldback.planner.playback.playback import Playback
 from foldback.planner.storage import file_names as names
 
 Check = Callable[[], Differences]
@@ -35,12 +34,11 @@ def stage_files_differ(
     plan: Plan,
     npz: dict[str, Any],
     record: Record | None,
-    playback: Playback | None,
     notes: list[str],
 ) -> Differences:
     """Yield the differences of the stages' files from the plan."""
     checks = _text_checks(directory, plan, npz) | {
-        names.PLAYBACK: lambda: _same_playback(directory, plan, playback),
+        names.PLAYBACK: lambda: _same_playback(directory, plan),
         names.RECORD: lambda: _same_record(directory, plan, record),
     }
     for name in checks:
@@ -123,7 +121,7 @@ def _among(directory: FilePath, plan: Plan) -> Differences:
     yield f"{names.CANDIDATES}: none of the candidate chains is the chain of plan.npz"
 
 
-def _same_playback(directory: FilePath, plan: Plan, playback: Playback | None) -> Differences:
+def _same_playback(directory: FilePath, plan: Plan) -> Differences:
     stored = Workspace(directory).read_playback()
     assert stored is not None
     stated = {
@@ -132,13 +130,6 @@ def _same_playback(directory: FilePath, plan: Plan, playback: Playback | None) -
     yield from value_differences(
         stated, plan.playback or {}, versus_plan(names.PLAYBACK, "playback")
     )
-    if playback is not None:
-        yield from _same_motion(stored.frames, playback.frames, names.PLAYBACK)
-        yield from array_difference(
-            stored.reference.stored_angles_rad,
-            playback.reference.stored_angles_rad,
-            versus_plan(names.PLAYBACK, "joint_angles_rad"),
-        )
 
 
 def _same_record(directory: FilePath, plan: Plan, record: Record | None) -> Differences:

@@ -196,7 +196,7 @@ def _verified(
         )
     findings.look(
         "the files of the stages match the plan",
-        stage_files_differ(directory, plan, npz, record, playback, findings.notes),
+        stage_files_differ(directory, plan, npz, record, findings.notes),
     )
     parameters = plan_parameters(plan, module_size)
     findings.look(

@@ -13,7 +13,9 @@ from typing import Any, Final, cast
 import numpy as np
 
 from foldback.planner.certificate.figures_store import Curves, Figures
+from foldback.planner.motion.record import Record
 from foldback.planner.motion.timeline import Timeline
+from foldback.planner.playback.playback import Playback
 from foldback.planner.storage.array_files import read_head
 from foldback.planner.storage.file_names import FIGURES, TIMELINE
 
@@ -94,6 +96,9 @@ def _parts(path: FilePath) -> Iterator[tuple[str, str]]:
                         yield f"plan.{part}", digest
                 elif name != WALL_TIME:
                     yield name, _digest_of_array(file[name])
+            if "time_s" not in file and path.name in ("record.npz", "playback.npz"):
+                for name, array in _frames_of(path).items():
+                    yield name, _digest_of_array(array)
     elif path.name == TIMELINE:
         timeline = Timeline.open(path)
         yield from _parts_of_values({"chain": timeline.chain_data, "status": timeline.status})
@@ -106,6 +111,18 @@ def _parts(path: FilePath) -> Iterator[tuple[str, str]]:
             yield field.name, _digest_of_array(getattr(figures, field.name))
     else:
         yield "content", _digest(path.read_bytes())
+
+
+def _frames_of(path: FilePath) -> dict[str, Any]:
+    """Return the arrays of a record or playback that its file leaves out."""
+    if path.name == "record.npz":
+        return Record.load(path).frames.columns()
+    playback = Playback.load(path)
+    columns = playback.frames.columns()
+    if playback.reference_rad is not None:
+        name = "window_reference_rad" if playback.frames.is_windowed else "reference_rad"
+        columns[name] = playback.reference_rad
+    return columns
 
 
 def _parts_of_values(values: Values | list[Values]) -> Iterator[tuple[str, str]]:

@@ -5,6 +5,7 @@ from pathlib import Path as FilePath
 from typing import Any
 from unittest.mock import Mock, patch
 
+import numpy as np
 import pytest
 
 from foldback.planner.certificate.certificate import Place
@@ -84,6 +85,8 @@ def test_stage_killed_half_way_leaves_nothing_half_written_and_can_be_run_again(
     stage: str, full: tuple[FilePath, Any], copy: FilePath
 ) -> None:
     place = STAGES.index(stage)
+    # Before the export, the file of the playback holds the reference.
+    Playback.load(copy / "playback.npz").save(copy / "playback.npz", frames=False)
     for later in STAGES[place:]:
         for name in OUTPUTS[later]:
             (copy / name).unlink()
@@ -127,7 +130,8 @@ def test_failed_explosion_in_the_directory_of_a_good_fold_gives_a_failed_plan(
     assert plan.summary()["explosion"]["status"] == "diverged"
     timeline = Timeline.open(copy / "timeline")
     assert timeline.status == "failed"
-    assert len(timeline) == len(Record.load(copy / "record.npz").frames)
+    with np.load(copy / "record.npz") as record:  # which others check without the timeline
+        assert len(record["time_s"]) == len(timeline)
 
 
 @pytest.mark.parametrize("stage", ["explode", "play_back", "certify"])
