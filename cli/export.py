@@ -60,7 +60,15 @@ def export(
         table.add_row(
             str(out / exported.filename), f"{sizes[exported.filename] / 1e6:.2f} MB", exported.hint
         )
-    Console(soft_wrap=True, highlight=False).print(table)
+    console = Console(soft_wrap=True, highlight=False)
+    console.print(table)
+    missing = [export.name for export in EXPORTS if not export.is_available]
+    if selected is None and missing:
+        console.print(
+            f"Left out: {', '.join(missing)}. They need packages that are not installed; install "
+            "them with pip install 'foldback[exports]'.",
+            markup=False,
+        )
 
 
 def _chosen(formats: str) -> tuple[Export, ...]:

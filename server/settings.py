@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from difflib import get_close_matches
 from functools import cached_property
+from importlib.util import find_spec
 from ipaddress import ip_network
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
@@ -59,7 +60,8 @@ class Settings(BaseSettings):
     data_dir: Path = Path("data")
     """Directory for the folds and the database."""
     database_url: str | None = None
-    """Database address, such as postgresql://…. Default: SQLite in `FOLDBACK_DATA_DIR`."""
+    """Database address, such as postgresql://…. Needs pip install 'foldback[storage]'. Default:
+    SQLite in `FOLDBACK_DATA_DIR`."""
     storage_url: str | None = None
     """Object store for the files of folds, such as s3://bucket/prefix, configured by the usual
     AWS_… variables. Needs pip install 'foldback[storage]'. Default: the files are in
@@ -304,6 +306,11 @@ class Settings(BaseSettings):
         if value and not _is_database(value):
             raise ValueError(
                 "got an unsupported address, expected an address like postgresql://user@host/name."
+            )
+        if value and value.startswith("postgres") and find_spec("psycopg") is None:
+            raise ValueError(
+                "got an address of PostgreSQL, for which a package is not installed; install it "
+                "with pip install 'foldback[storage]'."
             )
         return value
 

@@ -6,6 +6,7 @@ import re
 import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -39,6 +40,7 @@ class Export:
         moving: True if it shows the motion, so that a plan without frames has none.
         resting: True if it shows steps, so that a plan that does not rest between steps has none.
         shared: True if other files refer to it, so that it must keep its name.
+        package: Package of the extra ``exports`` that it needs, as it is imported; None if none.
     """
 
     name: str
@@ -50,6 +52,12 @@ class Export:
     moving: bool = False
     resting: bool = False
     shared: bool = False
+    package: str | None = None
+
+    @property
+    def is_available(self) -> bool:
+        """True if the package that it needs is installed."""
+        return self.package is None or find_spec(self.package) is not None
 
 
 def require_frames(plan: Plan) -> None:

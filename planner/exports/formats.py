@@ -71,6 +71,7 @@ EXPORTS: Final = (
         media_type="application/pdf",
         filename="leaflet-a4.pdf",
         write=_by("leaflet_pdf"),
+        package="reportlab",
         moving=True,
         resting=True,
     ),
@@ -81,6 +82,7 @@ EXPORTS: Final = (
         media_type="application/pdf",
         filename="leaflet-letter.pdf",
         write=_by("leaflet_pdf", "write_letter"),
+        package="reportlab",
         moving=True,
         resting=True,
     ),
@@ -126,6 +128,7 @@ EXPORTS: Final = (
         media_type="application/octet-stream",
         filename="joints.mcap",
         write=_by("mcap_log"),
+        package="mcap_ros2",
         moving=True,
     ),
     Export(
@@ -160,7 +163,7 @@ EXPORTS: Final = (
 
 
 def exports_of(*, moving: bool, resting: bool) -> tuple[Export, ...]:
-    """Return the exports of a plan.
+    """Return the exports of a plan whose packages are installed.
 
     Args:
         moving: True to include those that show its motion.
@@ -169,7 +172,7 @@ def exports_of(*, moving: bool, resting: bool) -> tuple[Export, ...]:
     return tuple(
         export
         for export in EXPORTS
-        if (moving or not export.moving) and (resting or not export.resting)
+        if export.is_available and (moving or not export.moving) and (resting or not export.resting)
     )
 
 
@@ -177,9 +180,16 @@ def export_named(name: str) -> Export:
     """Return the export of that name.
 
     Raises:
-        InputError: ``unknown-export`` when there is none.
+        InputError: ``unknown-export`` when there is none, ``missing-package`` when the package that
+            it needs is not installed.
     """
     for export in EXPORTS:
+        if export.name == name and not export.is_available:
+            raise InputError(
+                "missing-package",
+                f"the export format {name} needs a package that is not installed; install it with "
+                "pip install 'foldback[exports]'.",
+            )
         if export.name == name:
             return export
     known_names = ", ".join(export.name for export in EXPORTS)

@@ -121,7 +121,8 @@ from importlib import import_module
 from pkgutil import walk_packages
 for package in map(import_module, ("foldback.planner", "foldback.words", "foldback.cli")):
     for module in walk_packages(package.__path__, f"{{package.__name__}}."):
-        import_module(module.name)
+        if module.name.rpartition(".")[2] not in ("leaflet_pdf", "mcap_log"):
+            import_module(module.name)
 from foldback.planner.readers.gallery import gallery
 print(foldback.__file__, *(shape.name for shape in gallery()))
 
