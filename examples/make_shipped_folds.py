@@ -174,7 +174,7 @@ def _round_figures(directory: Path) -> None:
         clearance=down.astype(np.float32),
         torque_nm=in_steps(figures.torque_nm.astype(float), step).astype(np.float32),
     )
-    write([figures], len(figures), str(path))
+    write([figures], path)
 
 
 def row_values(directory: Path, shape: str, start: str | None) -> dict[str, Any]:
