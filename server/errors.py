@@ -9,10 +9,10 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Final, Self
 
 from foldback.planner.errors import DamagedError, InputError, located
-from foldback.planner.storage.file_names import CHAIN, PLAN, PLAN_TEXT, TIMELINE
+from foldback.planner.storage.file_names import CHAIN, PLAN, TIMELINE
 from foldback.planner.storage.files import READ_ONLY_ERRORS
 
-MOTION_FILES: Final = (TIMELINE, CHAIN, PLAN, PLAN_TEXT)
+MOTION_FILES: Final = (TIMELINE, CHAIN, PLAN)
 """Files with the motion of a fold. If one of them is damaged, error messages say that the motion is
 damaged."""
 FULL_DISK_RETRY_S: Final = 60

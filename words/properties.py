@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, TypedDict, cast
 from zipfile import ZipFile
-
-import numpy as np
 
 from foldback.planner.certificate.figures import (
     CertificateFigures,
@@ -29,7 +26,7 @@ from foldback.planner.parameters.explosion import (
 from foldback.planner.parameters.parameters import FLOATING, TURN_STRATEGIES
 from foldback.planner.parameters.playback import PlaybackParameters, RobotParameters
 from foldback.planner.parameters.published import PaperExplosionParameters
-from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.pipeline.fold_layout import plan_values, result_path
 from foldback.planner.pipeline.preference import COMPUTING, preference_named
 from foldback.planner.storage.array_files import HEAD
 from foldback.planner.storage.file_names import CHAIN, PLAN, TIMELINE
@@ -293,13 +290,10 @@ def _settings_at(path: Path, changed_ns: int) -> dict[str, dict[str, Any]]:
         with ZipFile(path) as file:
             if file.getinfo(PLAN_MEMBER).file_size > 16 * 2**20:  # 12 000 modules have 3 MB
                 return {}
-        with np.load(path, allow_pickle=False) as arrays:
-            plan = json.loads(str(arrays["plan"]))
-        return {
-            key: cast("dict[str, Any]", plan.get(key) or {}) for key in ("parameters", "versions")
-        }
     except UNREADABLE:
         return {}
+    plan = plan_values(path)
+    return {key: cast("dict[str, Any]", plan.get(key) or {}) for key in ("parameters", "versions")}
 
 
 def _simulated_s(directory: Path) -> float | None:

@@ -15,10 +15,13 @@ import json
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
 
 from foldback.planner.certificate.figures import CertificateFigures
 from foldback.planner.chain.chain import Chain
-from foldback.planner.errors import InputError, TimelineError
+from foldback.planner.errors import UNREADABLE, InputError, TimelineError
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.parameters.parameters import FLOATING
@@ -76,6 +79,15 @@ def last_frame(timeline: FilePath) -> tuple[Chain, Motion] | None:
 def certificate_values(path: FilePath) -> CertificateFigures | None:
     """Return the figures of a certificate's file; None when there is none."""
     return json.loads(path.read_bytes()) if path.exists() else None
+
+
+def plan_values(path: FilePath) -> dict[str, Any]:
+    """Return the values in a plan's ``.npz`` file but for its arrays; none if it is unreadable."""
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            return dict(json.loads(str(arrays["plan"])))
+    except UNREADABLE:
+        return {}
 
 
 def stored_moments(directory: FilePath) -> Moments | None:

@@ -68,13 +68,9 @@ def digests_of(
     return {name: digests(name) for name in names if (directory / name).exists()}
 
 
-def digests_of_texts(texts: dict[str, str]) -> dict[str, str]:
-    """Return the digests of a JSON file whose fields have been written as these texts."""
-    return {
-        # Nothing has keys to be sorted in a text without braces.
-        key: next(_of_values({key: json.loads(text)}))[1] if "{" in text else _of_text(text)
-        for key, text in texts.items()
-    }
+def digest_of_value(value: Any) -> str:
+    """Return the digest of the value of a key in a JSON file."""
+    return _of_text(json.dumps(value, sort_keys=True, separators=(",", ":")))
 
 
 def write_manifest(directory: FilePath, earlier: Digests | None = None) -> None:
@@ -184,7 +180,7 @@ def _of_values(values: Any) -> Iterator[tuple[str, str]]:
     if not isinstance(values, dict):
         values = {FILE_CONTENT: values}
     for key, value in cast("dict[str, Any]", values).items():
-        yield key, _of_text(json.dumps(value, sort_keys=True, separators=(",", ":")))
+        yield key, digest_of_value(value)
 
 
 def _of_text(text: str) -> str:

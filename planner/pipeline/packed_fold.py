@@ -33,7 +33,7 @@ from foldback.planner.motion.timeline import Timeline, TimelineWriter
 from foldback.planner.pipeline.manifest import write_manifest
 from foldback.planner.storage import file_names as names
 from foldback.planner.storage.array_files import save_npz
-from foldback.planner.storage.files import write_json, write_whole
+from foldback.planner.storage.files import write_whole
 
 Ints = NDArray[np.signedinteger[Any]]
 Arrays = dict[str, NDArray[Any]]
@@ -57,9 +57,6 @@ DIFFERENCE_ORDERS: Final = {"joint_angles_rad": 2, "reference_rad": 3}
 """A packed fold stores each array of joint angles as differences between frames, which are small
 numbers. Order of the differences (1: from frame to frame; 2: differences of those) that makes the
 smallest file. Measured."""
-PLAN_FRAME_COLUMNS: Final = ("phase", "time_s", "joint_angles_rad", *ROOT_ARRAYS, "max_error_rad")
-"""Arrays of ``plan.json`` with one row for each frame, from which an unpacked fold's file is
-written."""
 
 
 def pack(directory: FilePath, about: dict[str, Any]) -> bytes:
@@ -112,7 +109,6 @@ def unpack(data: bytes, directory: FilePath) -> dict[str, Any]:
             stored.pop(name, None)
         if stored:
             save_npz(directory / file, stored)
-    _write_plan_json(directory / names.PLAN_TEXT, _of_file(files_found, names.PLAN))
     _write_timeline(directory, files_found, shown, header["timeline"])
     write([Figures(**_of_file(files_found, "figures"))], directory / names.FIGURES)
     write_manifest(directory)
@@ -249,17 +245,6 @@ def _unpacked(arrays: Arrays, coded: dict[str, dict[str, Any]]) -> Arrays:
 def _of_file(arrays: Arrays, file: str) -> dict[str, Any]:
     prefix = f"{file}/"
     return {name.removeprefix(prefix): a for name, a in arrays.items() if name.startswith(prefix)}
-
-
-def _write_plan_json(path: FilePath, arrays: Arrays) -> None:
-    """Write what ``planner.plan.plan.Plan.save_json`` does of a plan that holds plain angles."""
-    values = json.loads(str(arrays["plan"]))
-    values["joint_names"] = arrays["joint_names"].tolist()
-    for name in PLAN_FRAME_COLUMNS:
-        rows = arrays[name]
-        missing = rows.ndim == 1 and rows.dtype.kind == "f" and bool(np.isnan(rows).any())
-        values[name] = [None if v != v else v for v in rows.tolist()] if missing else rows.tolist()
-    write_json(path, values)
 
 
 def _frames_of(directory: FilePath, file: str) -> Arrays:

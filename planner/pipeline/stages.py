@@ -39,7 +39,7 @@ from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.progress import STAGES, Cancelled, Progress, Report, never, silent
 from foldback.planner.reasons import Reason
 from foldback.planner.reasons import ReasonCode as Code
-from foldback.planner.storage.file_names import DESCRIBED, EXPORTED_FILES, PLAN_TEXT, PLAYBACK
+from foldback.planner.storage.file_names import DESCRIBED, EXPORTED_FILES, PLAYBACK
 
 NO_EXPLOSION: Final = {"status": "none", "reason": None, "steps": 0, "frames": 0, "seconds": 0.0}
 """Figures of the stage ``explode`` where nothing explodes."""
@@ -299,8 +299,6 @@ def export_best(workspace: Workspace) -> dict[str, Any]:
     before = [name for name in DESCRIBED if name not in (*EXPORTED_FILES, PLAYBACK)]
     with ThreadPoolExecutor(1) as beside:
         digests = beside.submit(manifest.digests_of, workspace.directory, before)
-        texts = workspace.write_plan(plan, result.playback)
-    # Of a thousand numbers that were just written as text, it is not asked for once more.
-    written = {PLAN_TEXT: manifest.digests_of_texts(texts)}
-    manifest.write_manifest(workspace.directory, digests.result() | written)
+        workspace.write_plan(plan, result.playback)
+    manifest.write_manifest(workspace.directory, digests.result())
     return plan.summary()

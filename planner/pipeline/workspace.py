@@ -251,8 +251,8 @@ class Workspace:
         plan = Plan.load(self.directory / names.PLAN)
         return plan.with_joint_errors_of(self.read_playback())
 
-    def write_plan(self, plan: Plan, playback: Playback | None) -> dict[str, str]:
-        """Write the plan of a fold and its model; return the text of each value of the plan.
+    def write_plan(self, plan: Plan, playback: Playback | None) -> None:
+        """Write the plan of a fold and its model.
 
         The file of its playback then leaves out the reference, which is the plan's motion.
         """
@@ -261,7 +261,6 @@ class Workspace:
         if playback is not None:
             path = self.directory / names.PLAYBACK
             playback.save(path, frames=False, reference=False)
-        return plan.save_json(self.directory / names.PLAN_TEXT)
 
     def drop_manifest(self) -> None:
         """Remove the digests of files that are about to change."""

@@ -306,24 +306,13 @@ class Plan:
             del columns[angles]
         return columns, planes
 
-    def save_json(self, path: FilePath) -> dict[str, str]:
-        """Write the JSON form; the file is either whole or not there.
-
-        Returns:
-            The text of each of its values, by key.
-        """
-        texts = self._json_texts()
-        write_whole(path, _json_of(texts))
-        return texts
+    def save_json(self, path: FilePath) -> None:
+        """Write the JSON form; the file is either whole or not there."""
+        write_whole(path, self.json_bytes())
 
     def json_bytes(self) -> bytes:
         """Return the JSON form as text."""
-        return _json_of(self._json_texts())
-
-    def _json_texts(self) -> dict[str, str]:
-        return {
-            key: json.dumps(value, separators=(",", ":")) for key, value in self.as_dict().items()
-        }
+        return json.dumps(self.as_dict(), separators=(",", ":")).encode()
 
     def save_npz(self, path: FilePath) -> None:
         """Write the arrays, with all else as JSON text in ``plan``; no pickle is needed."""
@@ -513,11 +502,6 @@ def _versions() -> dict[str, str]:
         except PackageNotFoundError:
             installed[package] = "unknown"
     return installed
-
-
-def _json_of(texts: dict[str, str]) -> bytes:
-    """Return the object whose values have these texts."""
-    return f"{{{','.join(f'{json.dumps(key)}:{text}' for key, text in texts.items())}}}".encode()
 
 
 def _listed(array: NDArray[Any]) -> Any:

@@ -33,6 +33,7 @@ FORCES: Final = "table.npz"
 """Name of the file with the hinge torques and contact forces at each frame of a fold on a table."""
 PLAN: Final = "plan.npz"
 PLAN_TEXT: Final = "plan.json"
+"""Name of the file with a plan's values as text, which is written when somebody asks for it."""
 MODEL: Final = "model.xml"
 FIGURES: Final = "figures"
 ARRAY_FOLDERS: Final = (TIMELINE, FIGURES)
@@ -64,7 +65,7 @@ it."""
 RESULT_FILES: Final = (CHAIN, TIMELINE, RECORD, PLAYBACK, CERTIFICATE, FORCES)
 """Names of the files that one attempt of a fold writes into a folder of its own. When the fold is
 over, those of the best attempt are moved to the fold's directory."""
-EXPORTED_FILES: Final = (PLAN, PLAN_TEXT, MODEL)
+EXPORTED_FILES: Final = (PLAN, MODEL)
 """Files that the last stage of a fold, the export, writes from the chosen attempt."""
 DERIVED_FILES: Final = (FIGURES, MOMENTS)
 """Files that are computed from those of a finished fold when somebody asks for them."""
@@ -78,6 +79,6 @@ DESCRIBED: Final = (
 digests in this order, so that later changes are noticed."""
 FOLD_FILES: Final = (
     *DESCRIBED,
-    *(PREPARED, PICTURE, MANIFEST, ATTEMPTS_DIR, PLANS_DIR, TRIALS_DIR),
+    *(PLAN_TEXT, PREPARED, PICTURE, MANIFEST, ATTEMPTS_DIR, PLANS_DIR, TRIALS_DIR),
 )
 """All files and folders that a fold writes into its directory."""

@@ -19,8 +19,8 @@ from foldback.planner.errors import UNREADABLE, DamagedError
 from foldback.planner.pipeline.manifest import (
     FILE,
     Digests,
+    digest_of_value,
     digests_of,
-    digests_of_texts,
     read_manifest,
 )
 from foldback.planner.storage.array_files import check_folder
@@ -89,9 +89,9 @@ def _reason(directory: FilePath, name: str) -> str | None:
 
 
 def _reason_of_folder(path: FilePath, digests: Digests | None) -> str | None:
-    text = json.dumps(check_folder(path).get("id"))
+    own_identity = digest_of_value(check_folder(path).get("id"))
     identity = None if digests is None else digests[path.name].get("head.id")
-    if identity in (None, digests_of_texts({"id": text})["id"]):
+    if identity in (None, own_identity):
         return None
     return "the file belongs to another fold"
 

@@ -1,4 +1,4 @@
-"""Consistency of a plan's two files: ``plan.json`` and ``plan.npz`` must be equal and complete."""
+"""Consistency of a plan's file: it is complete, and a ``plan.json`` beside it is equal."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from foldback.planner.storage.file_names import PLAN, PLAN_TEXT
 
 
 def formats_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Differences:
-    """Yield the differences of the two forms of a plan, and contradictions in one of them."""
+    """Yield the differences of the two forms of a plan."""
     text_plan = Plan.of_values(text, PLAN_TEXT)
     arrays = {**plan.motion.columns(), "max_error_rad": plan.max_error_rad}
     text_columns = {**text_plan.motion.columns(), "max_error_rad": text_plan.max_error_rad}
@@ -38,10 +38,15 @@ def formats_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Dif
     if isinstance(text_values.get("angles"), dict):
         text_values["angles"].pop("data", None)
     yield from value_differences(text_values, values, versus_plan(PLAN_TEXT, "plan"))
+
+
+def contradictions(plan: Plan, npz: dict[str, Any]) -> Differences:
+    """Yield the differences of values in a plan's file from those that follow from its chain."""
     remainder = plan.rest()
     derived = {name: remainder[name] for name in ("chain", "start", "root_module")}
     derived["joint_names"] = list(plan.chain.joint_names)
-    yield from value_differences({name: values.get(name) for name in derived}, derived, PLAN)
+    stated = {name: _plain(npz.get(name)) for name in derived}
+    yield from value_differences(stated, derived, PLAN)
 
 
 def lacking(

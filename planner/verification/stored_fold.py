@@ -21,7 +21,7 @@ from foldback.planner.plan.plan import Plan, read_values
 from foldback.planner.plan.value_differences import Differences, array_difference, value_differences
 from foldback.planner.storage import file_names as names
 from foldback.planner.storage.output_directory import finish_replacement
-from foldback.planner.verification.plan_consistency import formats_differ
+from foldback.planner.verification.plan_consistency import contradictions, formats_differ
 from foldback.planner.verification.plan_parameters import request_differs
 from foldback.planner.verification.stage_files import stage_texts_differ
 from foldback.planner.verification.timelines import chain_differs
@@ -101,6 +101,7 @@ def _differences(directory: FilePath, stored: tuple[Plan, dict[str, Any]] | None
             for text in _texts(plan.rest())
             if CONTROL_CHARACTERS.search(text)
         )
+        yield from contradictions(plan, values)
         if all((directory / name).exists() for name in (names.PLAN, names.PLAN_TEXT)):
             yield from formats_differ(plan, values, read_values(directory / names.PLAN_TEXT))
         yield from stage_texts_differ(directory, plan, values)

@@ -44,7 +44,7 @@ from foldback.planner.storage.output_directory import finish_replacement
 from foldback.planner.verification.certificate_figures import ReportedFigures
 from foldback.planner.verification.failure_evidence import ReasonCheck
 from foldback.planner.verification.origin import attempts_differ, input_differs
-from foldback.planner.verification.plan_consistency import formats_differ, lacking
+from foldback.planner.verification.plan_consistency import contradictions, formats_differ, lacking
 from foldback.planner.verification.plan_failure import reason_of
 from foldback.planner.verification.plan_parameters import plan_parameters, request_differs
 from foldback.planner.verification.playback_kinds import kind_differs
@@ -137,8 +137,8 @@ def verify(
     """Check the plan in a directory by exact kinematics and by a replay in plain MuJoCo.
 
     Args:
-        directory: Directory with ``plan.json``, ``plan.npz``, ``model.xml``, ``timeline``, and
-            other files of the fold's stages.
+        directory: Directory with ``plan.npz``, ``model.xml``, ``timeline``, and other files of the
+            fold's stages; ``plan.json`` is compared if it is there.
         module_size: Another size than the plan's own.
         third_opinion: Let ipctk look at the motion as well.
         progress: Receives the current check.
@@ -181,9 +181,11 @@ def _verified(
 ) -> Verification:
     findings = _Findings()
     npz = read_values(directory / PLAN)
-    text = read_values(directory / PLAN_TEXT)
     plan = Plan.of_values(npz, PLAN)
-    findings.look("plan.json and plan.npz hold the same data", formats_differ(plan, npz, text))
+    findings.look("the values in plan.npz agree with each other", contradictions(plan, npz))
+    if (directory / PLAN_TEXT).exists():
+        text = read_values(directory / PLAN_TEXT)
+        findings.look("plan.json and plan.npz hold the same data", formats_differ(plan, npz, text))
     timeline, frames = opened(directory / TIMELINE)
     findings.look("the timeline belongs to this chain", chain_differs(timeline, plan))
     record, playback = _results(directory, plan, frames, findings.notes)

@@ -36,7 +36,6 @@ from foldback.words.fold import has_motion, step_count
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["artifacts"])
 PLAN_MEDIA_TYPES: Final = {
-    PLAN_TEXT: "application/json",
     PLAN: "application/octet-stream",
     RECORD: "application/octet-stream",
     MODEL: "application/xml",
@@ -203,6 +202,26 @@ def _file(name: str) -> None:
 
 for _name in PLAN_MEDIA_TYPES:
     _file(_name)
+
+
+@router.get(
+    f"/{PLAN_TEXT}",
+    summary=f"Download {PLAN_TEXT}",
+    response_class=FileResponse,
+    responses=file_or_problems(
+        "The file. It is created on the first request.",
+        "application/json",
+        problem=(404, 409, 413, 429, 503, 507),
+    ),
+)
+async def get_plan_json(request: Request, fold_id: str, context: Here) -> FileResponse:
+    """Return the values of the plan as text."""
+    row = await asyncio.to_thread(_finished, context, fold_id)
+    export = export_named("json")
+    path = await export_file(
+        context.store, context.artifacts, fold_id, export, visitor=address_of(request)
+    )
+    return download(path, export.media_type, row.name, f"-{export.filename}")
 
 
 def _finished(context: Context, fold_id: str) -> FoldRow:

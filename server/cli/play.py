@@ -25,12 +25,12 @@ from foldback.planner.explosion.diagnosis import stuck_of
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.parameters.parameters import FLOATING
 from foldback.planner.pipeline.derived_files import completed
-from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.pipeline.fold_layout import plan_values, result_path
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.module_values import values_in
 from foldback.planner.reasons import Reason
-from foldback.planner.storage.file_names import CERTIFICATE, PLAN_TEXT, REQUEST, TIMELINE
+from foldback.planner.storage.file_names import CERTIFICATE, PLAN, REQUEST, TIMELINE
 from foldback.planner.storage.files import json_of
 from foldback.planner.storage.plain_values import from_plain
 from foldback.planner.verification.stored_fold import check_fold
@@ -81,7 +81,7 @@ def row_of(directory: Path) -> ShownFold:
     """
     chain = Timeline.open(result_path(directory, TIMELINE)).chain
     request = json_of(directory / REQUEST)
-    plan = json_of(directory / PLAN_TEXT)
+    plan = plan_values(directory / PLAN)
     certificate = plan.get("certificate") or json_of(result_path(directory, CERTIFICATE))
     verified, reason = certificate.get("verified"), certificate.get("reason")
     no_plan = None if verified else "the fold has no plan"

@@ -21,7 +21,7 @@ from foldback.planner.storage.file_names import FIGURES, TIMELINE
 
 RESULTS: Final = (
     *("chain.json", "attempts.json", "record.npz", "playback.npz", "certificate.json"),
-    *("table.npz", "timeline", "plan.npz", "plan.json", "model.xml", "figures"),
+    *("table.npz", "timeline", "plan.npz", "model.xml", "figures"),
 )
 """Files of a fold's directory that hold results."""
 DIGEST_LENGTH: Final = 12
@@ -83,10 +83,7 @@ def summary(directory: FilePath) -> Values:
 
 
 def _parts(path: FilePath) -> Iterator[tuple[str, str]]:
-    if path.name == "plan.json":  # contains the values of plan.npz in another form
-        plan = json.loads(path.read_bytes())
-        yield "content", _digest(json.dumps(_timeless(plan), sort_keys=True).encode())
-    elif path.suffix == ".json":
+    if path.suffix == ".json":
         yield from _parts_of_values(json.loads(path.read_bytes()))
     elif path.suffix == ".npz":
         with np.load(path, allow_pickle=False) as file:

@@ -19,7 +19,7 @@ from foldback.planner.plan.moment_search import moments_of
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.shape_writers import write_path
 from foldback.planner.plan.steps import find_steps
-from foldback.planner.storage.file_names import CERTIFICATE, MOMENTS, PLAN, PLAN_TEXT, TIMELINE
+from foldback.planner.storage.file_names import CERTIFICATE, MOMENTS, PLAN, TIMELINE
 from foldback.planner.storage.files import write_json
 from tests.planner.chains import COIL
 
@@ -75,7 +75,6 @@ def write_resting_fold(directory: FilePath, plan: Plan) -> FilePath:
     with TimelineWriter.create(directory / TIMELINE, plan.chain) as writer:
         writer.append(plan.motion)
     plan.save_npz(directory / PLAN)
-    plan.save_json(directory / PLAN_TEXT)
     write_json(directory / CERTIFICATE, plan.certificate.as_dict())
     moments = moments_of(
         Timeline.open(directory / TIMELINE), module_size=0.95, direct=False, steps=find_steps(plan)

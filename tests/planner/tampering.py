@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from foldback.planner.pipeline.manifest import write_manifest
+from foldback.planner.plan.plan import Plan
 from foldback.planner.storage.array_files import read_head, save_npz, write_head
 
 SMALLEST = 1e-6
@@ -256,7 +257,7 @@ are closest. ``test_verify`` checks these."""
 
 def change_all_copies(place: FilePath, random: Random) -> Change | None:
     """Change all copies of a value, as an attacker would who knows of them."""
-    text = json.loads((place / "plan.json").read_bytes())
+    text = Plan.load(place / "plan.npz").as_dict()
     fields = [key for key in text if key not in UNCHECKED_FIELDS]
     key = fields[random.integers(len(fields))]
     at = one_leaf({key: text[key]}, random)
@@ -269,7 +270,6 @@ def change_all_copies(place: FilePath, random: Random) -> Change | None:
     if "angles" in key and isinstance(old, float):
         new = float(np.float32(old + 0.01))
     set_leaf(text, at, new)
-    (place / "plan.json").write_text(json.dumps(text))
 
     def edit(arrays: dict[str, Any], plan_values: dict[str, Any]) -> None:
         if key in plan_values:
@@ -282,12 +282,12 @@ def change_all_copies(place: FilePath, random: Random) -> Change | None:
     for field_name, name in (("certificate", "certificate.json"), ("chain", "chain.json")):
         if key == field_name:
             (place / name).write_text(json.dumps(text[key]))
-    return Change("all copies of a value", ("plan.npz", "plan.json"), str(at))
+    return Change("all copies of a value", ("plan.npz",), str(at))
 
 
 def remove_field(place: FilePath, random: Random) -> Change | None:
     """Remove a field from all files that hold it."""
-    text = json.loads((place / "plan.json").read_bytes())
+    text = Plan.load(place / "plan.npz").as_dict()
     within = ("", "certificate", "playback", "explosion")[random.integers(4)]
     kept_text = text[within] if within else text
     if kept_text is None:
@@ -295,7 +295,6 @@ def remove_field(place: FilePath, random: Random) -> Change | None:
     keys = sorted(set(kept_text) - {"format"})
     key = keys[random.integers(len(keys))]
     del kept_text[key]
-    (place / "plan.json").write_text(json.dumps(text))
 
     def edit(arrays: dict[str, Any], plan_values: dict[str, Any]) -> None:
         if within:
@@ -306,7 +305,7 @@ def remove_field(place: FilePath, random: Random) -> Change | None:
 
     edit_npz(place / "plan.npz", edit)
     (place / "certificate.json").write_text(json.dumps(text.get("certificate")))
-    return Change("field gone everywhere", ("plan.npz", "plan.json"), f"{within}.{key}")
+    return Change("field gone everywhere", ("plan.npz",), f"{within}.{key}")
 
 
 Kind = Callable[[FilePath, Random], Change | None]

@@ -67,7 +67,7 @@ def test_peeled_plan_is_verified_and_read_back(directory: FilePath, plan: Plan) 
     bent = [np.abs(key.angles_rad).sum() for key in keys]
     assert bent == sorted(bent)
     np.testing.assert_array_equal(plan.unfolding().folding_rad[0], 0.0)
-    data = json.loads((directory / "plan.json").read_bytes())
+    data = plan.as_dict()
     assert (data["format"], data["motion"]) == ("foldback-plan/3", "windows")
     assert "joint_angles_rad" not in data
     verification = verify(directory)
@@ -132,7 +132,7 @@ def test_timeline_takes_one_layout_only(tmp_path: FilePath) -> None:
 
 
 def test_plan_with_invalid_windows_is_refused(directory: FilePath, tmp_path: FilePath) -> None:
-    data = json.loads((directory / "plan.json").read_bytes())
+    data = Plan.load(directory / "plan.npz").as_dict()
     for change in (
         *({"first": [3]}, {"offsets": [0, 1]}, {"angles_rad": [0.0]}, {"angles_rad": None}),
         {"phase": ["straight"]},
@@ -152,7 +152,6 @@ def test_forged_window_is_found(directory: FilePath, plan: Plan, tmp_path: FileP
     angles[part] = np.tile([1.5, 0.0], len(angles))[: len(angles[part])]
     forged = replace(plan, motion=replace(windows, angles_rad=angles))
     forged.save_npz(place / "plan.npz")
-    forged.save_json(place / "plan.json")
     with pytest.raises(InputError, match="not the motion of plan.npz"):
         verify(place)
     xml = (directory / "model.xml").read_text()

@@ -42,7 +42,7 @@ def test_fold_takes_its_options_and_fills_a_new_directory(tmp_path: FilePath) ->
     assert plan.seed == 5
     assert plan.certificate.module_size == 0.9
     assert (plan.explosion or {})["strategy"] == "one-by-one"
-    assert Plan.load(place / "plan.json").summary() == plan.summary()
+    assert Plan.load(place / "plan.npz").summary() == plan.summary()
     with pytest.raises(InputError, match="cannot fold on a table"):
         fold(coil(8), world="table")
 

@@ -115,7 +115,7 @@ def test_refold_is_verified_from_shape_to_shape(plan: Plan, folder: FilePath, sq
     assert timeline.status == "complete"
     np.testing.assert_array_equal(timeline.frames().phase, plan.phase)
     np.testing.assert_array_equal(timeline.frames().root_position, plan.root_position)
-    second_plan = Plan.load(folder / "plan.json")
+    second_plan = Plan.load(folder / "plan.npz")
     np.testing.assert_array_equal(second_plan.phase, plan.phase)
     np.testing.assert_array_equal(second_plan.start.folded_rad, plan.start.folded_rad)
     lines = export_named("csv").write(plan).decode().splitlines()[1:]
@@ -189,7 +189,6 @@ def test_verify_finds_another_start_or_motion_of_a_refold(copy: FilePath, plan: 
     def tampered(**changes: Any) -> str:
         forged = with_values(plan, **changes)
         forged.save_npz(copy / "plan.npz")
-        forged.save_json(copy / "plan.json")
         return "\n".join(verify(copy).as_dict()["problems"])
 
     def with_row(row: int, values: Any) -> str:

@@ -30,7 +30,7 @@ OUTPUTS = {
     "explode": ["attempts.json", "record.npz"],
     "play_back": ["playback.npz"],
     "certify": ["certificate.json"],
-    "export": ["model.xml", "plan.json", "plan.npz"],
+    "export": ["model.xml", "plan.npz"],
 }
 
 
@@ -73,7 +73,7 @@ def test_all_stages_make_a_verified_plan(full: tuple[FilePath, list[dict[str, An
     expected = {name for names in OUTPUTS.values() for name in names}
     other_files = {"request.json", "input", "timeline", "manifest.json"}
     assert {path.name for path in directory.iterdir()} == expected | other_files
-    assert Plan.load(directory / "plan.json").verified
+    assert Plan.load(directory / "plan.npz").verified
 
 
 class Killed(BaseException):
@@ -124,7 +124,7 @@ def test_failed_explosion_in_the_directory_of_a_good_fold_gives_a_failed_plan(
     assert certify["reason"]["code"] == "simulation-failed"
     assert (export["status"], export["playback"]) == ("failed", None)
     assert "it blew up" in export["reason"]
-    plan = Plan.load(copy / "plan.json")
+    plan = Plan.load(copy / "plan.npz")
     assert not plan.verified
     assert len(plan.time_s) == 0
     assert plan.summary()["explosion"]["status"] == "diverged"
@@ -170,7 +170,7 @@ def test_next_candidate_is_tried_when_a_chain_sticks(
     for stage in STAGES[1:]:
         summary = run_stage(stage, tmp_path)
     assert summary["status"] == "verified"
-    plan = Plan.load(tmp_path / "plan.json")
+    plan = Plan.load(tmp_path / "plan.npz")
     assert [attempt["status"] for attempt in plan.attempts] == ["stalled", "straight"]
     assert plan.chain.folded_rad.tolist() == candidates[1]["folded_rad"]
     # The public timeline is that of the candidate that was verified.

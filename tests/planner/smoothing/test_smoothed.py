@@ -57,7 +57,7 @@ def test_smoothed_plan_is_verified_and_better(folded: Folded, tmp_path: FilePath
     np.testing.assert_allclose(plan.joint_angles_rad[-1], folded.chain.folded_rad, atol=1e-9)
     assert verify(folder).verified
     assert (Timeline.open(folder / "timeline").motion().phase == 1).all()
-    assert Plan.load(folder / "plan.json").smoothing == plan.smoothing
+    assert Plan.load(folder / "plan.npz").smoothing == plan.smoothing
     assert plan.summary()["smoothing"] == plan.smoothing
     assert folded.plan.smoothing is folded.plan.summary()["smoothing"] is None
 

@@ -14,6 +14,7 @@ import pytest
 from foldback.planner.chain.path import Path
 from foldback.planner.pipeline.derived_files import complete
 from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.shape_writers import write_path
 from foldback.planner.verification.verify import verify
 from tests.case import case
@@ -53,7 +54,7 @@ def plan_with(change: Callable[[dict[str, Any]], Any]) -> Change:
 
     def forged(place: FilePath) -> None:
         edit_plan(place, change)
-        values = json.loads((place / "plan.json").read_bytes())
+        values = Plan.load(place / "plan.npz").as_dict()
         (place / "attempts.json").write_text(json.dumps(values["attempts"]))
 
     return forged

@@ -40,7 +40,7 @@ READERS = (
 )
 """Commands that read the folder of a fold."""
 PARTS = (
-    *("plan.npz", "plan.json", "chain.json", "request.json", "input", "model.xml"),
+    *("plan.npz", "chain.json", "request.json", "input", "model.xml"),
     *("timeline", "certificate.json", "attempts.json", "candidates.json", "record.npz"),
     *("playback.npz", "moments.json"),
 )
@@ -99,7 +99,7 @@ def test_texts_of_files_do_not_steer_the_terminal(fold: Path) -> None:
     plan = Plan.load(fold / "plan.npz")
     certificate = replace(plan.certificate, reason=reason)
     replace(plan, certificate=certificate).save_npz(fold / "plan.npz")
-    for name in ("plan.json", "certificate.json", "manifest.json"):
+    for name in ("certificate.json", "manifest.json"):
         (fold / name).unlink()
     for command in READERS:
         with case(command):
@@ -134,7 +134,7 @@ BROKEN_JSON = BROKEN | {
 
 
 def test_broken_files_are_refused_in_one_sentence(folds: tuple[Path, Path], fold: Path) -> None:
-    files = ("certificate.json", "chain.json", "attempts.json", "plan.npz", "plan.json")
+    files = ("certificate.json", "chain.json", "attempts.json", "plan.npz")
     for name in (*files, "request.json", "candidates.json", "playback.npz", "record.npz"):
         for kind, change in (BROKEN_JSON if name.endswith(".json") else BROKEN).items():
             with case(f"{name}, {kind}"):

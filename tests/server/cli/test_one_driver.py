@@ -8,7 +8,7 @@ from foldback.planner.chain.path import Path as CellPath
 from foldback.planner.pipeline.derived_files import complete
 from foldback.planner.pipeline.fold import fold
 from foldback.planner.readers import read
-from foldback.planner.storage.file_names import INPUT, PLAN, PLAN_TEXT
+from foldback.planner.storage.file_names import INPUT, PLAN
 from tests.golden.digests import digests
 from tests.server.cli.test_command_line import foldback
 from tests.server.service_process import FinishedFold
@@ -32,5 +32,4 @@ def test_service_command_line_and_memory_compute_the_same(
     assert isinstance(shape, CellPath)
     plan = fold(shape, seed=3, strategy="simultaneous")
     plan.save_npz(tmp_path / PLAN)
-    plan.save_json(tmp_path / PLAN_TEXT)
-    assert digests(tmp_path) == {name: computed[name] for name in (PLAN, PLAN_TEXT)}
+    assert digests(tmp_path) == {PLAN: computed[PLAN]}

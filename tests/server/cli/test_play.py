@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
 
 from foldback.planner.motion.timeline import TimelineWriter
@@ -57,7 +58,7 @@ def test_directory_without_a_verified_plan_reports_reason_and_location(directory
         "explosion": explosion,
         "attempts": [{**explosion, "steps": 8}, {**explosion, "diagnosis": KNOT}],
     }
-    (directory / "plan.json").write_text(json.dumps(plan))
+    np.savez(directory / "plan.npz", plan=json.dumps(plan))
     computed_state_of = state_of(directory)
     assert (computed_state_of["heading"], computed_state_of["modules"]) == (
         "The chain is knotted",

@@ -58,7 +58,7 @@ def test_fold_with_lost_chunks_shows_no_motion(fold: FinishedFold) -> None:
 
 
 def test_damaged_download_is_refused(fold: FinishedFold) -> None:
-    for name in ("plan.npz", "plan.json", "model.xml", "certificate.json", "record.npz"):
+    for name in ("plan.npz", "model.xml", "certificate.json", "record.npz"):
         data = bytearray((fold.directory / name).read_bytes())
         data[len(data) // 3] ^= 4
         (fold.directory / name).write_bytes(bytes(data))
@@ -77,7 +77,7 @@ def test_private_picture_and_data_directory_are_closed_to_others(whole_fold: Fin
     assert answer.content.startswith(b"\x89PNG")
     data_dir = whole_fold.service.data_dir
     assert data_dir.stat().st_mode & 0o077 == 0
-    written = [*data_dir.glob("*.db*"), *data_dir.rglob("plan.json")]
+    written = [*data_dir.glob("*.db*"), *data_dir.rglob("plan.npz")]
     assert written
     assert all(path.stat().st_mode & 0o077 == 0 for path in written)
 
