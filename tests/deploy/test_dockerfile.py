@@ -93,10 +93,10 @@ def test_requirements_layer_lists_the_dependencies() -> None:
         check=True,
     )
     extras = PROJECT["project"]["optional-dependencies"]
-    of_viewer, *of_service = extras["service"]
-    assert of_viewer == "foldback[viewer]"
-    installed = [*PROJECT["project"]["dependencies"], *extras["viewer"], *of_service]
-    assert done.stdout.splitlines() == [*installed, *extras["storage"]]
+    own_extras, *of_service = extras["service"]
+    assert own_extras == "foldback[viewer,exports]"
+    installed = [*PROJECT["project"]["dependencies"], *extras["viewer"], *extras["exports"]]
+    assert done.stdout.splitlines() == [*installed, *of_service, *extras["storage"]]
 
 
 def test_image_runs_as_an_unprivileged_user() -> None:

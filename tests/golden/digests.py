@@ -93,7 +93,7 @@ def _parts(path: FilePath) -> Iterator[tuple[str, str]]:
                         yield f"plan.{part}", digest
                 elif name != WALL_TIME:
                     yield name, _digest_of_array(file[name])
-            if "time_s" not in file and path.name in ("record.npz", "playback.npz"):
+            if "status" in file and "time_s" not in file:
                 for name, array in _frames_of(path).items():
                     yield name, _digest_of_array(array)
     elif path.name == TIMELINE:

@@ -6,6 +6,7 @@ import io
 import json
 import re
 import struct
+import sys
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,7 @@ from foldback.planner.chain.kinematics import Poses
 from foldback.planner.errors import InputError
 from foldback.planner.exports import glb
 from foldback.planner.exports.export import Export
-from foldback.planner.exports.formats import EXPORTS, export_named
+from foldback.planner.exports.formats import EXPORTS, export_named, exports_of
 from foldback.planner.exports.mjcf import KEY_PERCENTS
 from foldback.planner.exports.urdf import DRAKE_NAMESPACE, centre_of
 from foldback.planner.pipeline.fold import fold
@@ -406,3 +407,16 @@ def test_plan_without_frames_is_refused_by_moving_exports(ring: Plan) -> None:
     for export in EXPORTS:
         with pytest.raises(InputError, match="no frames") if export.moving else nullcontext():
             assert export.write(still)
+
+
+def test_formats_without_their_packages_are_left_out_and_refused_with_the_remedy(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for package in ("mcap_ros2", "reportlab"):
+        monkeypatch.setitem(sys.modules, package, None)
+    offered = {export.name for export in exports_of(moving=True, resting=True)}
+    missing = {export.name for export in EXPORTS} - offered
+    assert missing == {"mcap", "leaflet", "leaflet-letter"}
+    for name in missing:
+        with pytest.raises(InputError, match=r"pip install 'foldback\[exports\]'"):
+            export_named(name)

@@ -208,6 +208,8 @@ def test_installation_without_extras_runs_the_planner_and_its_commands(
         for line in PLANNER_COMMANDS:
             # The wrench is not made for a table.
             run("foldback", *line.split(), status=3 if line.startswith("table") else 0)
+        exported = run("foldback", "export", "wrench", "--out", "all").stdout
+        assert "Left out: leaflet, leaflet-letter, mcap." in exported
         assert run("foldback-check", "wrench/plan.npz").stdout.startswith("proved")
         refusal = "foldback serve needs the service: pip install 'foldback[service]'\n"
         assert run("foldback", "serve", status=2).stderr == refusal

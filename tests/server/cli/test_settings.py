@@ -1,9 +1,11 @@
 """Settings: how they are read, and the errors of invalid ones."""
 
 import logging
+import sys
 from pathlib import Path
 
 import pytest
+from pydantic import ValidationError
 
 from foldback.server.doctor import machine
 from foldback.server.doctor.doctor import examined
@@ -33,6 +35,15 @@ def test_database_addresses_may_have_any_password(monkeypatch: pytest.MonkeyPatc
     ):
         monkeypatch.setenv("FOLDBACK_DATABASE_URL", url)
         assert Settings().database_url == url
+
+
+def test_postgresql_without_its_driver_is_refused_with_the_remedy(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "psycopg", None)
+    with pytest.raises(ValidationError, match=r"pip install 'foldback\[storage\]'"):
+        Settings(database_url="postgresql://us:secret@db/x")
+    assert Settings(database_url="sqlite:////data/x.db").database_url
 
 
 @pytest.mark.parametrize(
