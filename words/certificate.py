@@ -6,7 +6,7 @@ Proved figures are rounded to the conservative side.
 from __future__ import annotations
 
 import math
-from typing import Any, Final, TypedDict
+from typing import TYPE_CHECKING, Any, Final, TypedDict
 
 from foldback.planner.certificate.figures import (
     CertificateFigures,
@@ -18,9 +18,6 @@ from foldback.planner.certificate.table_figures import TableCertificate
 from foldback.planner.motion.record import TableRecord
 from foldback.planner.parameters.parameters import BASELINE
 from foldback.planner.reasons import Reader
-from foldback.planner.servos.module_materials import CASINGS
-from foldback.planner.servos.servos import Servo, servos
-from foldback.planner.servos.sizing import find_suitable_servos, suitable_pitches
 from foldback.words.messages import PEOPLE, nearest_frame, reason_text
 from foldback.words.quantities import (
     SIGNIFICANT_DIGITS,
@@ -30,6 +27,9 @@ from foldback.words.quantities import (
     sentence,
     spacings,
 )
+
+if TYPE_CHECKING:
+    from foldback.planner.servos.servos import Servo
 
 CERTIFICATE_DIGITS: Final = 2
 """Number of significant digits to which pages round a certificate's figures, such as joint
@@ -280,6 +280,11 @@ def _base(table: TableCertificate) -> str:
 
 def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
     """Return the suitable servos in words and by name; if none, those for another width."""
+    # Late: most folds are not on a table.
+    from foldback.planner.servos.module_materials import CASINGS
+    from foldback.planner.servos.servos import servos
+    from foldback.planner.servos.sizing import find_suitable_servos, suitable_pitches
+
     torque, casing = table.torque or 0.0, CASINGS["pla"]
     modules = f"PLA modules that are {length_m(table.pitch_m)} wide"
     fits = find_suitable_servos(torque, pitch_m=table.pitch_m, casing=casing)

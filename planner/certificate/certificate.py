@@ -27,7 +27,6 @@ from foldback.planner.certificate.plan_figures import (
     robot_figures,
 )
 from foldback.planner.certificate.swept_motions import Sweeper, followed
-from foldback.planner.certificate.table_certificate import table_certificate
 from foldback.planner.certificate.table_figures import TableCertificate
 from foldback.planner.certificate.table_forces import TableForces
 from foldback.planner.certificate.verdict import find_reason
@@ -252,6 +251,9 @@ def _on_table(
     forces: Callable[[TableForces], object] | None,
 ) -> TableCertificate:
     """Certify the plan on the table that it was made for."""
+    # Late: most folds are not on a table.
+    from foldback.planner.certificate.table_certificate import table_certificate
+
     table = parameters.table
     frames = playback.frames.planned(chain, playback.reference, clamped=table.held)
     return table_certificate(

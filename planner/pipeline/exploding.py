@@ -15,7 +15,6 @@ from foldback.planner.pipeline.preference import CALM
 from foldback.planner.pipeline.search import FoldSpec, Result, Search, Watch
 from foldback.planner.plan.plan import Plan
 from foldback.planner.progress import Progress
-from foldback.planner.smoothing.smoothed_plan import smoothed_record
 
 
 def with_explosion(
@@ -76,6 +75,7 @@ def smooth(
     recorded: Plan, spec: AttemptSpec, parameters: Parameters, watch: Watch, *, calm: bool
 ) -> Record:
     """Return the record of a smoothed plan; no frame of it is shown before it is played back."""
+    from foldback.planner.smoothing.smoothed_plan import smoothed_record  # late: rarely needed
 
     def report(part: float) -> None:
         watch.progress(Progress(stage="explode", fraction=min(part, 0.99), message="smoothing"))

@@ -10,7 +10,6 @@ from foldback.planner.pipeline.attempt import Attempt, Candidates
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.search import Result, is_smoothing
 from foldback.planner.plan.plan import Plan
-from foldback.planner.smoothing.smoothed_plan import before_and_after
 
 
 def finish(
@@ -40,5 +39,7 @@ def finish(
     )
     if not is_smoothing(result.record):
         return plan
+    from foldback.planner.smoothing.smoothed_plan import before_and_after  # late: rarely needed
+
     assert recorded is not None
     return replace(plan, smoothing=before_and_after(recorded, plan))

@@ -15,7 +15,6 @@ from foldback.planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.prepared_chains import PreparedChains
 from foldback.planner.playback.unfolding import check_fits
-from foldback.planner.smoothing.smoothed_plan import check_smoothable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +60,8 @@ def read_plan(recorded: Plan) -> Reading:
     Raises:
         InputError: When it cannot be smoothed.
     """
+    from foldback.planner.smoothing.smoothed_plan import check_smoothable  # late: rarely needed
+
     check_smoothable(recorded)
     likenesses = () if recorded.likeness is None else (recorded.likeness,)
     candidates = Candidates((recorded.chain,), two_ended=False, likenesses=likenesses)
