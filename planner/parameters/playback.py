@@ -118,7 +118,8 @@ class PlaybackParameters:
         steps_per_snapshot: The published rule: smallest number of steps for each snapshot.
         direct_steps: Number of steps in which the baseline's target goes from straight to folded.
         simulated_modules: Longest chain that is simulated, in modules; longer ones are played back
-            by kinematics.
+            by kinematics. None: up to 500 modules, and up to 2000 where that is not expected to
+            take long (``planner/playback/simulation_work.py``).
         max_steps: Number of steps after which a playback without robots gives up.
     """
 
@@ -173,13 +174,15 @@ class PlaybackParameters:
         is_whole=True,
     )
     direct_steps: int = described(4000, "Duration of the target motion", "steps")
-    simulated_modules: int = setting(
-        500,
+    simulated_modules: int | None = setting(
+        None,
         label="Longest simulated chain",
-        help="Longer chains are played back without a simulation of forces.",
+        help="Longer chains are played back without a simulation of forces; `none` means up to 500 "
+        "modules, and up to 2000 if the simulation is expected to take less than 5 s.",
         unit="modules",
         range=(2, 20_000),
         is_whole=True,
+        optional=True,
         is_own=True,
     )
     max_steps: int = described(200_000, "Step limit", "steps")

@@ -45,7 +45,7 @@ class Setting(Description):
         range: Smallest and largest value, inclusive.
         words: Allowed words, for a setting that is no number.
         is_whole: True if only whole numbers are allowed.
-        optional: True if it may be ``none``, for no limit.
+        optional: True if it may be ``none``: for no limit, or as its help says.
         is_own: True if foldback's own method uses it, too, and not the published one alone.
         direct: True if servoing straight to the shape uses it, too.
         name: Name of its field, which ``descriptions`` fills in: the one in requests, in plans and

@@ -21,6 +21,7 @@ from foldback.planner.pathfinding.expected_duration import expected_seconds
 from foldback.planner.pipeline.preference import COMPUTING
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.playback.robot_runs import mujoco_seconds
+from foldback.planner.playback.simulation_work import is_simulated
 
 MAX_EXPECTED_S: Final = 3600.0
 """Maximum expected cost of a fold, in s of processor time; larger estimates are cut to it, because
@@ -37,6 +38,8 @@ stays folded (many contacts) because the settings do not drive it apart. Measure
 SERVO_STEP_S: Final = 6e-6
 """Processor time of one simulation step of a playback (servos follow the plan) per module, in s,
 with few contacts. Measured."""
+USUALLY_PEELED_MODULES: Final = 730
+"""Number of modules from which on most chains are peeled: docs/decisions/0017-portfolio.md."""
 DEFAULT_PARAMETERS: Final = Parameters()
 """Parameters for which the durations of folds were measured; the estimate of a fold's cost adds the
 difference between its own parameters and these."""
@@ -102,7 +105,7 @@ def _published(
         min(steps, explosion.max_steps) * modules * (PACKED_STEP_S if packed else LOOSE_STEP_S)
     )
     playing = steps / explosion.snapshot_interval * max(1, playback.steps_per_snapshot)
-    simulated = modules <= playback.simulated_modules
+    simulated = _is_simulated(modules, playback)
     playing_s = simulated * min(playing, playback.max_steps) * modules * SERVO_STEP_S
     least_s = {
         "explode": LOWER_BOUND_FRACTION * steps * modules * LOOSE_STEP_S,
@@ -183,9 +186,17 @@ def _ours(modules: int, request: FoldRequest, parameters: Parameters) -> Expecte
     )
 
 
+def _is_simulated(modules: int, playback: PlaybackParameters) -> bool:
+    """Return True if a playback is likely to be simulated, peeled chains having most frames."""
+    limit, robots = playback.simulated_modules, playback.robot.robots
+    return is_simulated(
+        modules, int(2.5 * modules), limit, robots, is_windowed=modules > USUALLY_PEELED_MODULES
+    )
+
+
 def _robots_s(modules: int, playback: PlaybackParameters) -> float:
     """Return the processor time of a playback that robots with faults are simulated in."""
-    if modules > playback.simulated_modules:
+    if not _is_simulated(modules, playback):
         return 0.0
     robots = max(1, playback.robot.robots)
     if playback.robot.engine == MUJOCO:

@@ -26,6 +26,7 @@ from foldback.planner.playback.kinematic_playback import kinematic_frames, rests
 from foldback.planner.playback.reference_curve import resting_reference
 from foldback.planner.playback.reference_trajectory import ReferenceTrajectory
 from foldback.planner.playback.robot_runs import simulate_robots
+from foldback.planner.playback.simulation_work import simulates
 from foldback.planner.playback.unfolding import Unfolding
 from foldback.planner.playback.window_run import WindowRun
 from foldback.planner.playback.window_trajectory import FRAME_RAD, WindowTrajectory
@@ -256,7 +257,9 @@ def play_back(
             "the strategy 'peel' cannot refold a chain from another shape; fold a straight chain, "
             "or use another strategy.",
         )
-    if recorded is not None and not simulates(chain, recorded, parameters):
+    if recorded is not None and not simulates(
+        len(chain), len(recorded), parameters, is_windowed=windowed
+    ):
         return _followed(chain, record, parameters, module_size, sink, start_s, finer, unfolding)
     if recorded is not None and windowed:
         trajectory = WindowTrajectory(chain, recorded, parameters, module_size, finer, start_s)
@@ -298,18 +301,6 @@ def play_back(
         mujoco_robot=None if by_mujoco is None or failed else int(run is not runs[0]),
         rest_frames=rest_frames,
     )
-
-
-def simulates(chain: Chain, recorded: Motion, parameters: PlaybackParameters) -> bool:
-    """Return True if the playback of a record is simulated; else it is kinematic.
-
-    Args:
-        chain: The chain.
-        recorded: The explosion to play in reverse, or its playback.
-        parameters: Parameters of the playback. With windows only robots are simulated.
-    """
-    able = not recorded.is_windowed or parameters.controller == "robot"
-    return able and len(chain) <= parameters.simulated_modules
 
 
 def _followed(

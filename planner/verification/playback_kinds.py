@@ -21,6 +21,7 @@ from foldback.planner.plan.value_differences import (
     value_differences,
 )
 from foldback.planner.playback.playback import Playback
+from foldback.planner.playback.simulation_work import is_simulated
 from foldback.planner.playback.table_playback import time_unit_s
 from foldback.planner.verification.plan_parameters import (
     is_on_table,
@@ -40,14 +41,27 @@ def kind_differs(plan: Plan, playback: Playback) -> Differences:
         need = "null, expected results" if expects_explosion else "results, expected null"
         yield f"plan.npz explosion: got {need}, because the preset is {plan.preset}"
     direct = plan.explosion is None and not plan.motion.is_windowed
-    limit = int(playback_number(plan, "simulated_modules"))
-    simulated = direct or len(plan.chain) <= limit
+    simulated = direct or _is_simulated(plan)
     kind = "dynamic" if simulated else "kinematic"
     yield from value_differences(playback.kind, kind, "plan.npz playback.kind")
     if simulated:
         yield from _simulated_figures(plan, playback)
     else:
         yield from _kinematic_figures(plan, playback)
+
+
+def _is_simulated(plan: Plan) -> bool:
+    """Return True if the parameters of a plan, and the frames of its record, ask for robots."""
+    playback, usual = plan.parameters["playback"], plan_preset(plan).playback
+    limit = playback.get("simulated_modules", usual.simulated_modules)
+    robots = playback.get("robot", {}).get("robots", usual.robot.robots)
+    return is_simulated(
+        len(plan.chain),
+        int((plan.explosion or {}).get("frames") or 0),
+        None if limit is None else int(playback_number(plan, "simulated_modules")),
+        int(robots),
+        is_windowed=plan.motion.is_windowed,
+    )
 
 
 def _simulated_figures(plan: Plan, playback: Playback) -> Differences:
