@@ -54,7 +54,7 @@ class MotionFigures:
             part = _Part(start_angles)
             for start in range(first + 1, last + 1, FRAMES_AT_ONCE):
                 stop = min(start + FRAMES_AT_ONCE, last + 1)
-                part.add(_angles(chain, motion, start, stop))
+                part.add(motion.angles(chain, start, stop))
             travel += part.travel
             reversals += part.reversals
             returns = np.abs(end - start_angles) < MIN_COUNTED_MOTION_RAD
@@ -99,10 +99,3 @@ class _Part:
             self.reversals += turned & (self._direction != 0)
             self._direction = np.where(turned, np.sign(moved), self._direction).astype(np.int64)
             self._turning_point = np.where(forward | turned, row, self._turning_point)
-
-
-def _angles(chain: Chain, motion: Motion, start: int, stop: int) -> Array:
-    """Return (F, J) angles of some frames, rad."""
-    if motion.is_windowed:
-        return motion.dense(chain, start, stop).joint_angles_rad
-    return motion.joint_angles_rad[start:stop]
