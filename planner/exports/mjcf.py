@@ -16,6 +16,9 @@ from foldback.planner.exports.mjcf_pieces import coordinates, pieces
 from foldback.planner.plan.plan import Plan
 from foldback.planner.simulation.mujoco_models import Material, tree_spec
 
+MAX_MODEL_MODULES: Final = 100_000
+"""Maximum number of modules of a fold whose files include a model, which then has 130 MB. Larger
+ones are written when somebody asks for them."""
 MAX_TREE_MODULES: Final = 800
 """Maximum number of modules that an MJCF model nests in one kinematic tree. A longer chain is split
 into pieces joined by welds (``planner.exports.mjcf_pieces``), as deep nesting exceeds MuJoCo's

@@ -224,7 +224,8 @@ class TimelineWriter:
         self._next_flush = start_s + MIN_FLUSH_PERIOD_S
         if not self._waiting:
             return
-        motion = Motion.joined(self._waiting)
+        # A motion of a million modules is not copied.
+        motion = self._waiting[0] if len(self._waiting) == 1 else Motion.joined(self._waiting)
         self._waiting = []
         first = not self._frames
         chunks, files = list(self._head.chunks), dict(self._head.files)

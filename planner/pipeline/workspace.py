@@ -252,11 +252,14 @@ class Workspace:
         return plan.with_joint_errors_of(self.read_playback())
 
     def write_plan(self, plan: Plan, playback: Playback | None) -> None:
-        """Write the plan of a fold and its model.
+        """Write the plan of a fold, and its model if the chain is not too long.
 
         The file of its playback then leaves out the reference, which is the plan's motion.
         """
-        write_whole(self.directory / names.MODEL, mjcf.write(plan))
+        if len(plan.chain) <= mjcf.MAX_MODEL_MODULES:
+            write_whole(self.directory / names.MODEL, mjcf.write(plan))
+        else:
+            self._drop(names.MODEL)
         plan.save_npz(self.directory / names.PLAN)
         if playback is not None:
             path = self.directory / names.PLAYBACK

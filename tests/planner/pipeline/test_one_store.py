@@ -4,12 +4,17 @@ from itertools import combinations
 from pathlib import Path as FilePath
 
 import numpy as np
+import pytest
 
+from foldback.planner.exports import mjcf
 from foldback.planner.motion.record import Record
 from foldback.planner.motion.timeline import Timeline
+from foldback.planner.pipeline.stages import run_stage
 from foldback.planner.plan.plan import Plan
 from foldback.planner.playback.playback import Playback
+from foldback.planner.verification.verify import verify
 from tests.planner.conftest import Folded
+from tests.planner.folds import run_fold
 
 MIN_FRAMES = 20
 """Number of frames from which an array counts as a motion; shorter ones are lists of figures."""
@@ -52,3 +57,20 @@ def test_record_and_playback_are_read_from_timeline_and_plan(folded: Folded) -> 
     assert playback.frames.passes_as(timeline.playback())
     assert playback.reference.passes_as(plan.motion)
     assert len(record.frames) + len(playback.frames) == len(timeline)
+
+
+def test_fold_of_too_many_modules_has_no_model(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(mjcf, "MAX_MODEL_MODULES", 7)
+    run_fold(tmp_path, b"- - - + - -", module="tetrahedron")
+    assert {"plan.npz", "plan.json", "model.xml"} & {p.name for p in tmp_path.iterdir()} == {
+        "plan.npz",
+        "model.xml",
+    }
+    monkeypatch.setattr(mjcf, "MAX_MODEL_MODULES", 6)
+    run_stage("export", tmp_path)
+    assert not (tmp_path / "model.xml").exists()
+    verification = verify(tmp_path)
+    assert verification.verified and verification.replay is None
+    assert any("more than 6 modules have no model.xml" in note for note in verification.notes)
