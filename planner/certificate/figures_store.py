@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from pathlib import Path as FilePath
 from shutil import rmtree
 from typing import Any, Final, Self
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from foldback.planner.errors import UNREADABLE, DamagedError, TimelineError
 from foldback.planner.storage.array_files import read_arrays, read_head, save_npz, write_head
 from foldback.planner.storage.files import temporary_path
-from foldback.planner.storage.plain_values import from_plain
+from foldback.planner.storage.plain_values import from_plain, to_plain
 
 Floats = NDArray[np.float32]
 Integers = NDArray[np.int32]
@@ -167,7 +167,7 @@ def write(parts: Iterable[Curves], path: str | FilePath) -> None:
         }
         files[CURVES_FILE] = save_npz(temporary / CURVES_FILE, joined)
         write_head(
-            temporary, asdict(_Head(FIGURES_FORMAT, CLEARANCE_REACH_PITCH, tuple(ends), files))
+            temporary, to_plain(_Head(FIGURES_FORMAT, CLEARANCE_REACH_PITCH, tuple(ends), files))
         )
         rmtree(target, ignore_errors=True)
         temporary.rename(target)

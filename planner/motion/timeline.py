@@ -16,7 +16,7 @@ import time
 from bisect import bisect_right
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import accumulate
 from pathlib import Path as FilePath
 from shutil import rmtree
@@ -38,7 +38,7 @@ from foldback.planner.storage.array_files import (
     save_npz,
     write_head,
 )
-from foldback.planner.storage.plain_values import from_plain
+from foldback.planner.storage.plain_values import from_plain, to_plain
 
 FORMAT: Final = "foldback-timeline/3"
 Layout = Literal["frames", "windows"]
@@ -251,7 +251,7 @@ class TimelineWriter:
 
     def _mark(self, status: Status) -> None:
         self._head = replace(self._head, status=status)
-        write_head(self._path, asdict(self._head))
+        write_head(self._path, to_plain(self._head))
 
 
 class Timeline:

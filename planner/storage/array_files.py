@@ -29,9 +29,10 @@ from foldback.planner.storage.plain_values import from_plain
 Arrays = dict[str, NDArray[Any]]
 HEAD: Final = "head.json"
 """Name of the file in an array folder that states the checksums of the other files."""
-PROBE_HALF_WIDTH_VALUES: Final = 8192
+PROBE_HALF_WIDTH_VALUES: Final = 1024
 """Number of values on either side of an array's middle that are compressed as a test of whether the
-whole array is worth compressing."""
+whole array is worth compressing. For the files of a wrench of 160, they
+decide as eight times as many do."""
 MAX_ARRAY_BYTES: Final = 2**28
 """Maximum size, in bytes, of an array that ``read_arrays`` unpacks: 256 MiB."""
 

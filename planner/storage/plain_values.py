@@ -27,6 +27,11 @@ def from_plain(values: Any, kind: type[T]) -> T:
         raise ValueError(str(error)) from error
 
 
+def to_plain(value: Any) -> Any:
+    """Return a dataclass as plain values, which ``from_plain`` inverts."""
+    return msgspec.to_builtins(value)
+
+
 def array_from(values: Any, dtype: DTypeLike) -> NDArray[Any]:
     """Build an array from nested lists of numbers.
 
