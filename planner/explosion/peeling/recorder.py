@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import ClassVar, Final
 
 import numpy as np
 
-from foldback.planner.arrays import Array
+from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
 from foldback.planner.clearance.sweep import windows_shape
 from foldback.planner.core import sweep_frames, window_distances
@@ -52,18 +53,15 @@ class Proof:
             (F,) that of each configuration; pitches.
         """
         count = len(bends)
-        lengths = [len(bend.angles) for bend in bends]
         values = np.concatenate([bend.angles for bend in bends])
         angles = Angles(
             first=np.array([self._hinges * bend.first for bend in bends], dtype=np.int64),
-            offsets=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
+            offsets=_offsets(bends),
             shift=0,
             values=values.astype(np.float32).astype(np.float64),
         )
-        per_frame = np.full(count, enough)
-        result = sweep_frames(
-            self._shape, angles, 0, count, enough, np.full(count, enough), per_frame, 0.0
-        )
+        caps, per_frame = np.array([enough] * count), np.array([enough] * count)
+        result = sweep_frames(self._shape, angles, 0, count, enough, caps, per_frame, 0.0)
         proved = result.lower_bound > 0.0
         return (result.clearance if proved else min(result.clearance, 0.0)), per_frame
 
@@ -112,8 +110,13 @@ class WindowRule:
             time_s=np.array([s.time_s for s in snapshots]),
             phase="explosion",
             first=np.array([hinges * s.first for s in snapshots], dtype=np.int64),
-            offsets=np.concatenate([[0], np.cumsum([len(s.angles) for s in snapshots])]),
+            offsets=_offsets(snapshots),
             angles_rad=quantised(np.concatenate([s.angles for s in snapshots])).astype(np.float32),
-            base_position=np.tile(chain.folded_position, (count, 1)),
-            base_wxyz=np.tile(chain.folded_wxyz, (count, 1)),
+            base_position=np.repeat(chain.folded_position[None], count, axis=0),
+            base_wxyz=np.repeat(chain.folded_wxyz[None], count, axis=0),
         )
+
+
+def _offsets(bends: Sequence[WindowConfiguration]) -> Ints:
+    """Return the (F + 1,) places in one array at which the angles of F windows begin and end."""
+    return np.array([0, *accumulate(len(bend.angles) for bend in bends)], dtype=np.int64)
