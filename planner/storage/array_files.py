@@ -29,10 +29,10 @@ from foldback.planner.storage.plain_values import from_plain
 Arrays = dict[str, NDArray[Any]]
 HEAD: Final = "head.json"
 """Name of the file in an array folder that states the checksums of the other files."""
-PROBE_HALF_WIDTH_VALUES: Final = 1024
-"""Number of values on either side of an array's middle that are compressed as a test of whether the
-whole array is worth compressing. For the files of a wrench of 160, they
-decide as eight times as many do."""
+PROBE_HALF_WIDTH_BYTES: Final = 8192
+"""Number of bytes on either side of an array's middle that are compressed as a test of whether the
+whole array is worth compressing. For the files of a wrench of 160, eight times as many decide the
+same."""
 MAX_ARRAY_BYTES: Final = 2**28
 """Maximum size, in bytes, of an array that ``read_arrays`` unpacks: 256 MiB."""
 
@@ -148,9 +148,7 @@ def _array(file: ZipFile, member: ZipInfo) -> NDArray[Any]:
 def _shrinks(array: NDArray[Any]) -> bool:
     """Return True if zlib makes an array much smaller, tested on values from its middle."""
     flat = array.reshape(-1)
-    middle = len(flat) // 2
-    sample = flat[
-        max(0, middle - PROBE_HALF_WIDTH_VALUES) : middle + PROBE_HALF_WIDTH_VALUES
-    ].tobytes()
+    middle, half = len(flat) // 2, max(1, PROBE_HALF_WIDTH_BYTES // max(1, array.itemsize))
+    sample = flat[max(0, middle - half) : middle + half].tobytes()
     # angles of an unfolding do not get below 0.9
     return len(zlib.compress(sample, 1)) < 0.7 * len(sample)
