@@ -35,12 +35,16 @@ const T *hinges_behind(const Joint &joint, const T *q, Index i) {
 // null for a rigid link.
 template <class T>
 Matrix<T> step_rotation(const Joint &joint, const T *q) {
-  Matrix<T> step{};
-  for (int r = 0; r < 3; ++r) step(r, r) += 1.0;
-  if (q != nullptr)
-    for (Index k = 0; k < joint.hinges(); ++k)
-      step = multiply(step, rodrigues(joint.axes[k].data(), q[k]));
-  return multiply(step, load_matrix(joint.turn.data()));
+  const Matrix<double> turn = load_matrix(joint.turn.data());
+  if (q == nullptr || joint.hinges() == 0) {
+    Matrix<T> step{};
+    for (int k = 0; k < 9; ++k) step.e[k] += turn.e[k];
+    return step;
+  }
+  Matrix<T> step = rodrigues(joint.axes[0].data(), q[0]);
+  for (Index k = 1; k < joint.hinges(); ++k)
+    step = multiply(step, rodrigues(joint.axes[k].data(), q[k]));
+  return is_identity(turn) ? step : multiply(step, turn);
 }
 
 // Write the poses of n modules of one configuration, outward from the root both ways, whose pose

@@ -96,6 +96,12 @@ Matrix<T> multiply(const Matrix<T> &a, const Matrix<U> &b) {
   return product;
 }
 
+inline bool is_identity(const Matrix<double> &m) {
+  for (int k = 0; k < 9; ++k)
+    if (m.e[k] != (k % 4 == 0 ? 1.0 : 0.0)) return false;
+  return true;
+}
+
 template <class T>
 Matrix<T> transpose(const Matrix<T> &m) {
   return {{m.e[0], m.e[3], m.e[6], m.e[1], m.e[4], m.e[7], m.e[2], m.e[5], m.e[8]}};
