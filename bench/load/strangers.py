@@ -22,16 +22,12 @@ from tests.server.service_process import SNAKE, Service
 
 MAX_PAGE_BESIDE_STREAMS_MS: Final = 200
 """Target for the 95th percentile of the time to load a page while other visitors occupy the service
-with target streams or very large plans, in ms; at or above it the load test fails."""
+with target streams or first views, in ms; at or above it the load test fails."""
 MAX_WEB_GROWTH_MB: Final = 300
 """Maximum growth of the resident memory of the web process while visitors occupy it with simulated
-target streams or very large plans, in MB; above it the load test fails."""
+target streams or first views, in MB; above it the load test fails."""
 ADDRESSES, STREAMS_PER_ADDRESS = 3, 8
 """Number of client addresses, and of target streams that each of them opens."""
-PLAN_MB: Final = 96
-"""Size to which the test pads the plan.json of each of four folds, in MB, before their pages are
-opened for the first time. A larger value loads the service more; chosen as the size of a simulated
-fold of 1000 modules in an earlier version."""
 WITNESS_POLL_S: Final = 0.05
 """Pause between two requests of the client that measures how much others delay it, in s."""
 STREAM_RETRY_S: Final = 0.2
@@ -59,13 +55,7 @@ def strangers(short: bool = False) -> Section:
         section.add(
             "target streams with a target, in turns", f"{led} of {ADDRESSES * STREAMS_PER_ADDRESS}"
         )
-        padding = ",".join(["0.12345678"] * (2**10 if short else PLAN_MB * 10**6 // 11))
-        for fold in small:
-            path = service.directory(fold) / "plan.json"
-            page_text = path.read_text()
-            path.write_text(f'{page_text[:-1]},"padding":[{padding}]}}')
-        label = f"four first views of folds with a plan.json of {PLAN_MB} MB"
-        with witness.looking(section, label, judged=not short):
+        with witness.looking(section, "four first views", judged=not short):
             _view(service, small)
             time.sleep(seconds / 4)
     return section
