@@ -38,6 +38,7 @@ from foldback.planner.storage.array_files import (
     save_npz,
     write_head,
 )
+from foldback.planner.storage.file_names import EARLIER_FILES, TIMELINE
 from foldback.planner.storage.plain_values import from_plain, to_plain
 
 FORMAT: Final = "foldback-timeline/3"
@@ -51,6 +52,10 @@ MIN_FLUSH_PERIOD_S: Final = 0.15
 """Minimum time between two writes of new frames to disk, s."""
 MAX_FLUSH_PERIOD_S: Final = 1.0
 """Maximum time between two writes of new frames to disk, s, even if writes are slow."""
+EARLIER: Final = (
+    "got a fold of an earlier version of foldback, which stored motions in another format. Fold "
+    "the shape again."
+)
 FOLDED_FILE: Final = "folded.npz"
 """File in a windowed timeline with the folded angles of its chain. The head is written and read
 over and over; such a chain may have a million hinges."""
@@ -94,6 +99,11 @@ class _Head:
     @property
     def frames(self) -> int:
         return sum(chunk.frames for chunk in self.chunks)
+
+
+def is_earlier(directory: FilePath) -> bool:
+    """Return True if a directory holds a fold of an earlier version."""
+    return (directory / EARLIER_FILES[0]).exists() and not (directory / TIMELINE).exists()
 
 
 def frames_on_disk(path: FilePath) -> int:
@@ -491,11 +501,8 @@ def _read(path: FilePath) -> _Head:
     try:
         values = read_head(path)
     except FileNotFoundError as error:
-        if path.with_name(f"{path.name}.zarr").exists():
-            raise TimelineError(
-                f"{path.parent} was written by an earlier version of foldback, which stored "
-                "motions in another format; fold the shape again."
-            ) from error
+        if is_earlier(path.parent):
+            raise TimelineError(f"{path.parent}: {EARLIER}") from error
         raise TimelineError(f"no timeline at {path}: {error}") from error
     if values.get("format") != FORMAT:
         raise TimelineError(

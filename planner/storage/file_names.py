@@ -51,6 +51,8 @@ PICTURE: Final = "picture.png"
 MANIFEST: Final = "manifest.json"
 ATTEMPTS_DIR: Final = "attempts"
 PLANS_DIR: Final = "plans"
+EARLIER_FILES: Final = ("timeline.zarr", "figures.zarr")
+"""Folders of earlier versions, which stored motions and figures in another format."""
 FIRST_FOLD_DIR: Final = "start"
 """Name of the subdirectory of a refold's directory in which ``foldback refold`` folds the start
 shape, if it is given a shape rather than a folded chain."""
@@ -79,6 +81,7 @@ DESCRIBED: Final = (
 digests in this order, so that later changes are noticed."""
 FOLD_FILES: Final = (
     *DESCRIBED,
+    *EARLIER_FILES,
     *(PLAN_TEXT, PREPARED, PICTURE, MANIFEST, ATTEMPTS_DIR, PLANS_DIR, TRIALS_DIR),
 )
 """All files and folders that a fold writes into its directory."""

@@ -14,7 +14,7 @@ from foldback.planner.chain.chain_attributes import chain_attributes
 from foldback.planner.chain.display_names import escaped
 from foldback.planner.errors import UNREADABLE, InputError, TimelineError
 from foldback.planner.motion.motion import PHASES
-from foldback.planner.motion.timeline import Timeline
+from foldback.planner.motion.timeline import EARLIER, Timeline, is_earlier
 from foldback.planner.pipeline import manifest
 from foldback.planner.pipeline.fold_layout import result_path
 from foldback.planner.plan.plan import Plan, read_values
@@ -64,9 +64,11 @@ def check_fold(directory: FilePath) -> Plan | None:
 
     Raises:
         InputError: ``mixed-fold`` if files differ, ``not-a-plan`` or ``damaged-fold`` if one cannot
-            be read.
+            be read, ``earlier-version`` for a fold of an earlier version of foldback.
     """
     finish_replacement(directory)
+    if is_earlier(directory):
+        raise InputError("earlier-version", EARLIER, where=str(directory))
     try:
         with np.errstate(all="ignore"):
             stored = _read_plan(directory)

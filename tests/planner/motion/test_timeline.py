@@ -221,7 +221,7 @@ def test_missing_timeline_raises(place: FilePath) -> None:
 
 def test_timeline_of_an_earlier_version_is_refused_with_the_remedy(place: FilePath) -> None:
     place.with_name("timeline.zarr").mkdir()
-    with pytest.raises(TimelineError, match="earlier version of foldback.*fold the shape again"):
+    with pytest.raises(TimelineError, match="earlier version of foldback.*Fold the shape again"):
         Timeline.open(place)
 
 

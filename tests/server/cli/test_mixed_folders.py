@@ -171,6 +171,17 @@ def test_new_fold_replaces_the_old_one_as_a_whole(fold: Path) -> None:
     assert answer.returncode == 2 and "tour.json" in answer.stderr
 
 
+def test_fold_of_an_earlier_version_is_refused_and_replaced(fold: Path) -> None:
+    (fold / "timeline").rename(fold / "timeline.zarr")
+    for command in ("tour", "verify"):
+        answer = foldback(command, fold)
+        assert answer.returncode == 2 and "earlier version of foldback" in answer.stderr
+        assert "Fold the shape again." in answer.stderr
+    Path("row.json").write_text(json.dumps([[x, 0, 0] for x in range(5)]))
+    foldback_json("fold", "row.json", "--out", fold)
+    assert not (fold / "timeline.zarr").exists() and (fold / "timeline").exists()
+
+
 def test_export_of_another_fold_replaces_all_files(folds: tuple[Path, Path], fold: Path) -> None:
     foldback_json("export", fold, "--as", "urdf,csv", "--out", "files")
     foldback_json("export", fold, "--as", "stl", "--out", "files")
