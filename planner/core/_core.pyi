@@ -43,7 +43,6 @@ from foldback.planner.core.structures import (
     ModuleStates,
     Overlap,
     PairContacts,
-    PairLimits,
     Pairs,
     RadialDrive,
     ReducedState,
@@ -375,15 +374,6 @@ def repulsion(points: Array, pairs: Pairs, gain: float, out: Array) -> None:
         pairs: (P, 2) near pairs.
         gain: γ of the equation.
         out: (n, 3) forces, changed.
-    """
-
-def max_inverse_step_limit(modules: ModuleStates, pairs: Pairs, limits: PairLimits) -> float:
-    """Return the largest inverse step limit in 1/s of near pairs.
-
-    Args:
-        modules: Poses and velocities of all modules.
-        pairs: (P, 2) near pairs.
-        limits: Displacements that are allowed in one step.
     """
 
 def pair_separation(

@@ -175,15 +175,6 @@ void bind_pairs(nanobind::module_ &m) {
       },
       nb::arg("points"), nb::arg("pairs"), nb::arg("gain"), nb::arg("out"),
       "Add the repulsion of near modules, gain / distance², to (n, 3) forces.");
-  m.def(
-      "max_inverse_step_limit",
-      [](ModuleStates modules, View<const Index, 2> pairs, PairLimits limits) {
-        require_states(modules);
-        require_pairs(pairs, modules.size());
-        return max_inverse_step_limit(modules, pairs, limits);
-      },
-      nb::arg("modules"), nb::arg("pairs"), nb::arg("limits"),
-      "Return the largest inverse step limit in 1/s of near pairs.");
 }
 
 }  // namespace foldback

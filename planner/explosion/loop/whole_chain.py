@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Final
 
 import numpy as np
 
@@ -32,6 +33,8 @@ from foldback.planner.simulation.reduced_state import Acceleration, State
 from foldback.planner.simulation.rigid_blocks import Blocks
 from foldback.planner.simulation.segments import Segments
 
+REPELLED_LINKS: Final = UNREPELLED_LINKS + 1
+"""Minimum number of links between two modules that repel each other."""
 ChainEngine = Segments | Blocks | MujocoChain
 
 
@@ -88,7 +91,7 @@ class WholeChain:
         """Compute the poses of the present state, and the pairs of near modules."""
         self.engine.place(self.state)
         positions = self.engine.positions
-        self.pairs = near_pairs(positions, self.parameters.repulsion_cutoff, UNREPELLED_LINKS + 1)
+        self.pairs = near_pairs(positions, self.parameters.repulsion_cutoff, REPELLED_LINKS)
 
     def snapshot(self) -> Step:
         """Return the present state as a snapshot."""
@@ -120,7 +123,7 @@ class WholeChain:
                 self.chain.module.hull,
                 self.material.geom_size,
                 self.parameters.repulsion_cutoff,
-                UNREPELLED_LINKS + 1,
+                REPELLED_LINKS,
                 self._limits,
             ),
             forces.drive(self, control),

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from foldback.planner.core import max_inverse_step_limit, near_pairs
-from foldback.planner.core.structures import PairLimits
+from foldback.planner.core import chain_inverse_step_limit, near_pairs
+from foldback.planner.core.structures import ChainLimits, PairLimits
 from foldback.planner.simulation.mujoco_models import Material
 from foldback.planner.simulation.segments import Segments
 from tests.planner.chains import Array, line, random_state
@@ -57,7 +57,9 @@ def test_step_limit_bounds_the_speed_of_all_surface_points() -> None:
         segments.place(state)
         pairs = near_pairs(segments.positions, 2.5, 2)
         radius = chain.module.radius
-        limit = max_inverse_step_limit(segments.modules, pairs, PairLimits(radius, 1.0, 1.0))
+        pair_limits = PairLimits(radius, 1.0, 1.0)
+        limits = ChainLimits(np.inf, np.inf, 0.0, pair_limits, pair_limits)
+        limit = chain_inverse_step_limit(state.reduced, segments.modules, pairs, limits)
         # Corners of each relative to the other's centre, in a frame that rotates at their mean
         # rate.
         for i, j in [*pairs.tolist(), *pairs[:, ::-1].tolist()]:
