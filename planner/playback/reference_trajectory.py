@@ -38,7 +38,6 @@ from foldback.planner.playback.time_scaling import (
     torque_bounded_scaling,
 )
 from foldback.planner.playback.unfolding import Unfolding
-from foldback.planner.simulation.contact_finder import ContactFinder, robot_contacts
 from foldback.planner.simulation.mujoco_robot import Substeps
 
 STRAIGHT_TORQUE_RATIO: Final = 0.02
@@ -91,11 +90,8 @@ class ReferenceTrajectory:
         folds_robots = parameters.controller == "robot"
         self.robots = parameters.robot.robots if folds_robots else 1
         self.lost_rad = TRACKING_LOST_RAD if folds_robots else np.inf
-        self.contacts: ContactFinder | None = None
-        """Finder of the robots' contacts, which they share; None if no robots fold."""
-        if folds_robots:
-            self.contacts = robot_contacts(chain, geom_size=module_size, step_s=self.step_s)
-            self.contacts.allocate(len(chain))
+        self.folds_robots = folds_robots
+        """True if robots with model errors fold."""
         zero = np.zeros_like(chain.folded_rad)
         if unfolding is not None:
             self.begins = (unfolding.chain.folded_rad, *root_folded(unfolding.chain))

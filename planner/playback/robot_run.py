@@ -243,7 +243,6 @@ class _Plant:
     def __init__(self, trajectory: ReferenceTrajectory, seeds: Sequence[list[int]]) -> None:
         chain, peak_torque = trajectory.chain, trajectory.peak_torque
         kind, step_s = trajectory.parameters.robot, trajectory.step_s
-        assert trajectory.contacts is not None
         if trajectory.by_mujoco:
             (seed,) = seeds
             errors = RobotErrors(chain, kind, peak_torque=peak_torque, seed=seed)
@@ -253,10 +252,10 @@ class _Plant:
         else:
             self._robots = RobotTeam(
                 chain,
-                trajectory.contacts,
                 kind,
                 peak_torque=peak_torque,
                 seeds=seeds,
+                geom_size=trajectory.module_size,
                 step_s=step_s,
             )
         self._robots.place(*trajectory.begins)

@@ -56,7 +56,7 @@ def simulate_robots(
             "got a peeled chain with engine=mujoco, which simulates all modules at once; use the "
             "strategy 'simultaneous', or leave out engine=mujoco.",
         )
-    elif trajectory.contacts is not None:
+    elif trajectory.folds_robots:
         refuse_long_chain(trajectory.chain)
         trajectory, _ = trajectory.for_mujoco()
 
@@ -64,7 +64,7 @@ def simulate_robots(
     folds = list[Fold]()
     if isinstance(trajectory, WindowTrajectory):
         folds = [partial(_fold_window, trajectory, one) for one in seeds]
-    elif trajectory.contacts is None:
+    elif not trajectory.folds_robots:
         folds = [partial(_fold_by_motors, trajectory, sink)]
     elif trajectory.by_mujoco:
         folds = [partial(fold_with_robots, trajectory, [one], sink) for one in seeds]
@@ -104,7 +104,7 @@ def mujoco_trajectory(
 
     A window's rigid ends are no MuJoCo tree of a chain, so peeled chains have none.
     """
-    if isinstance(trajectory, WindowTrajectory) or trajectory.contacts is None:
+    if isinstance(trajectory, WindowTrajectory) or not trajectory.folds_robots:
         return None
     steps = sum(len(scaling) for _, _, scaling in trajectory.curves)
     hinges = len(trajectory.chain.folded_rad)

@@ -6,7 +6,6 @@ left over touching nothing. It is compiled anew only when more of them are neede
 
 from __future__ import annotations
 
-from copy import copy
 from itertools import pairwise
 from typing import Any, Final
 
@@ -48,16 +47,6 @@ class ContactFinder:
         self._centres = self._halves = np.zeros((0, 3))
         self.model: Any
         self.data: Any
-
-    def copy(self) -> ContactFinder:
-        """Return a finder that shares nothing that changes with this one; its model is compiled."""
-        twin = copy(self)
-        twin.model = copy(self.model)
-        twin.data = mujoco.MjData(twin.model)
-        twin._of_geom = self._of_geom.copy()
-        twin.data.qpos[:] = self.data.qpos
-        twin.bodies = self.bodies._replace(qpos=twin.data.qpos)
-        return twin
 
     @property
     def geom_size(self) -> float:

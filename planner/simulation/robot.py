@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -40,7 +41,7 @@ from foldback.planner.core.structures import (
 from foldback.planner.core.structures import RobotTeam as TeamBody
 from foldback.planner.errors import SimulationError
 from foldback.planner.parameters.playback import RobotParameters
-from foldback.planner.simulation.contact_finder import ContactFinder
+from foldback.planner.simulation.contact_finder import ContactFinder, robot_contacts
 from foldback.planner.simulation.engine import DetectedContacts, Engine, build_chain_model
 from foldback.planner.simulation.reduced_state import State
 
@@ -238,7 +239,7 @@ class Robot(ServoChain):
 
     Args:
         chain: The chain.
-        contacts: Finder of the contacts of all modules, which is copied, see ``robot_contacts``.
+        find_contacts: Returns the contacts of modules with such centres and orientations.
         errors: Model errors of the robot.
         step_s: Time step, s.
         state: Arrays of its state among those of the team.
@@ -248,7 +249,7 @@ class Robot(ServoChain):
     def __init__(
         self,
         chain: Chain,
-        contacts: ContactFinder,
+        find_contacts: Callable[[Array, Array], DetectedContacts | None],
         errors: RobotErrors,
         step_s: float,
         state: ReducedState,
@@ -265,7 +266,7 @@ class Robot(ServoChain):
             velocity=state.velocity,
             spin=state.angular_velocity,
         )
-        self._contacts = contacts.copy()
+        self._find_contacts = find_contacts
 
     def place(self, angles: Array, root_position: Array, root_wxyz: Array) -> Array:
         """Set a configuration at rest, and return the (3,) centre of mass."""
@@ -290,7 +291,7 @@ class Robot(ServoChain):
 
     def find_contacts(self) -> DetectedContacts | None:
         """Return the contacts of the present state, in the world frame."""
-        return self._contacts.find(self.engine.positions, self.engine.rotations)
+        return self._find_contacts(self.engine.positions, self.engine.rotations)
 
 
 class RobotTeam:
@@ -304,23 +305,24 @@ class RobotTeam:
 
     Args:
         chain: The chain.
-        contacts: Finder of the contacts of all modules, see ``robot_contacts``.
         parameters: Kind of robot.
         peak_torque: Largest torque of the plan, which limit and friction are relative to.
         seeds: Whole numbers that identify each robot among those of its kind.
+        geom_size: Size of the colliding modules as a fraction of the pitch.
         step_s: Time step, s.
     """
 
     def __init__(
         self,
         chain: Chain,
-        contacts: ContactFinder,
         parameters: RobotParameters,
         *,
         peak_torque: float,
         seeds: Sequence[list[int]],
+        geom_size: float,
         step_s: float,
     ) -> None:
+        self._chain, self._geom_size, self._step_s = chain, geom_size, step_s
         count, hinges, n = len(seeds), len(chain.folded_rad), len(chain)
         shapes = ((hinges,), (hinges,), (3,), (3, 3), (3,), (3,))
         self._state = ReducedState(*(np.zeros((count, *shape)) for shape in shapes))
@@ -329,7 +331,7 @@ class RobotTeam:
         self.robots = [
             Robot(
                 chain,
-                contacts,
+                self._find_contacts,
                 RobotErrors(chain, parameters, peak_torque=peak_torque, seed=seed),
                 step_s,
                 ReducedState(*(array[number] for array in self._state)),
@@ -353,11 +355,21 @@ class RobotTeam:
                 friction=np.array([each.friction for each in errors]),
             ),
             hull=chain.module.hull,
-            size=contacts.geom_size,
+            size=geom_size,
             centres=np.zeros((count, 3)),
             step_s=step_s,
             stop_rad=first.engine.stop_rad,
         )
+
+    @cached_property
+    def _contacts(self) -> ContactFinder:
+        """Finder of contacts; most robots never touch anything, and its model takes a while."""
+        contacts = robot_contacts(self._chain, geom_size=self._geom_size, step_s=self._step_s)
+        contacts.allocate(len(self._chain))
+        return contacts
+
+    def _find_contacts(self, positions: Array, rotations: Array) -> DetectedContacts | None:
+        return self._contacts.find(positions, rotations)
 
     def place(self, angles: Array, root_position: Array, root_wxyz: Array) -> None:
         """Set a configuration at rest."""

@@ -21,7 +21,6 @@ from foldback.planner.core.structures import (
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.parameters.playback import PlaybackParameters, RobotParameters
 from foldback.planner.playback.playback import Playback, play_back
-from foldback.planner.simulation.contact_finder import robot_contacts
 from foldback.planner.simulation.robot import RobotTeam
 from tests.planner.chains import coil, line, unvalidated
 from tests.planner.conftest import Folded
@@ -37,10 +36,8 @@ def play(folded: Folded, robot: RobotParameters, **options: Any) -> Playback:
 
 @pytest.mark.parametrize("chain", [line(7), coil(40)], ids=len)
 def test_step_agrees_with_a_mujoco_tree_of_the_same_masses(chain: Chain) -> None:
-    contacts = robot_contacts(chain, geom_size=0.3, step_s=0.08)
-    contacts.allocate(len(chain))
     parameters = replace(FAULTLESS, mass_error=0.1, motor_limit=100.0)
-    team = RobotTeam(chain, contacts, parameters, peak_torque=10.0, seeds=[[3]], step_s=0.08)
+    team = RobotTeam(chain, parameters, peak_torque=10.0, seeds=[[3]], geom_size=0.3, step_s=0.08)
     errors = team.robots[0].errors
     assert errors.masses.std() > 0.05
     hinges = len(chain.folded_rad)
@@ -94,15 +91,13 @@ def straight_team(
     kind: type[RobotTeam], chain: Chain, limit: float, seeds: tuple[int, ...] = (3,)
 ) -> RobotTeam:
     """Return straight robots whose motors have a largest torque."""
-    contacts = robot_contacts(chain, geom_size=0.95, step_s=0.08)
-    contacts.allocate(len(chain))
     parameters = RobotParameters(motor_limit=1.0)
     team = kind(
         chain,
-        contacts,
         parameters,
         peak_torque=limit,
         seeds=[[seed] for seed in seeds],
+        geom_size=0.95,
         step_s=0.08,
     )
     team.place(np.zeros(len(chain.folded_rad)), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
