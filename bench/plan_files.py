@@ -1,4 +1,4 @@
-"""Plan files: size and time to write and read a plan of 1000 modules, as JSON and as npz."""
+"""Plan files: size and time to write and read a plan of 1000 modules as JSON, npz and timeline."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 from bench.sections import Section
 from foldback.planner.motion.angle_encoding import quantised
 from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.timeline import Timeline, TimelineWriter
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.plan.plan import Plan
 from tests.planner.chains import line
@@ -31,8 +32,7 @@ bytes, as JSON and as npz. Above it the target is reported as not met."""
 
 
 def plan_files(reference_seconds: float) -> Section:
-    """Measure sizes and times of both formats, for a motion of all hinges."""
-    del reference_seconds
+    """Measure sizes and times of all formats, for a motion of all hinges."""
     section = Section(name="plan-files")
     plan = _plan()
     with TemporaryDirectory() as place:
@@ -60,7 +60,33 @@ def plan_files(reference_seconds: float) -> Section:
                 "≤ 10 MB, the same numbers",
                 same_array_equal and size <= MAX_PLAN_FILE_BYTES,
             )
+        _measure_timeline(section, plan, Path(place) / "timeline", reference_seconds)
     return section
+
+
+def _measure_timeline(section: Section, plan: Plan, path: Path, reference_seconds: float) -> None:
+    """Add the size of a timeline, and processor times to write and read it."""
+    start_s = time.process_time()
+    with TimelineWriter.create(path, plan.chain) as writer:
+        writer.append(plan.motion)
+    written = time.process_time()
+    motion = Timeline.open(path).motion()
+    read = time.process_time()
+    Timeline.open(path).motion(PLAN_FRAMES // 2, PLAN_FRAMES // 2 + 1)
+    read_one = time.process_time()
+    section.rows.append(
+        {
+            "form": "timeline",
+            "megabytes": round(sum(file.stat().st_size for file in path.iterdir()) / 1e6, 2),
+            "write_s": round(written - start_s, 2),
+            "read_s": round(read - written, 2),
+            "same": motion.passes_as(plan.motion),
+        }
+    )
+    section.add(
+        "timeline of it written; one frame read",
+        f"{(written - start_s) / reference_seconds:.2f} r; {1e3 * (read_one - read):.1f} ms",
+    )
 
 
 def _plan() -> Plan:
