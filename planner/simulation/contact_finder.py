@@ -48,11 +48,6 @@ class ContactFinder:
         self.model: Any
         self.data: Any
 
-    @property
-    def geom_size(self) -> float:
-        """Size of the colliding modules as a fraction of the pitch."""
-        return self._material.geom_size
-
     def set_boxes(self, centres: Array, halves: Array) -> None:
         """Set the (B, 3) centres and half sides of boxes along the axes of the world, pitches."""
         self._centres, self._halves = centres, halves
