@@ -22,6 +22,10 @@ from foldback.planner.reasons import Reason
 from foldback.planner.reasons import ReasonCode as Code
 
 PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
+FRAME_TURN_RAD: Final = 0.01
+"""Turn of a target, rad, since the last frame at which a simulated playback records the next."""
+RESTING_FRAME_TURN_RAD: Final = 0.08
+"""The same where the chain rests between turns: frames lie on straight lines."""
 FRAME_MOVE_PITCH: Final = 0.2
 """Displacement of a module since the last frame, relative to the mean of all modules, pitches, at
 which a simulated playback records the next frame: the ends of a nearly straight chain go far while
@@ -219,12 +223,16 @@ class Run(PlaybackRun):
 
     def _is_due(self, angles: Array, target: Target, phase: Phase) -> bool:
         """Return True if a frame is due: the target has moved far enough, or the chain has."""
-        last, turn, way = self._recorder.last, 0.01 / self.finer, FRAME_MOVE_PITCH / self.finer
+        last, turn, way = (
+            self._recorder.last,
+            FRAME_TURN_RAD / self.finer,
+            FRAME_MOVE_PITCH / self.finer,
+        )
         if last is None or target.rests or self.steps - last.step >= MAX_FRAME_STEPS:
             return True
         turned = float(np.abs(target.angles - last.target.angles).max())
         if phase in self.trajectory.resting:
-            return turned >= 0.08 / self.finer  # frames lie on straight lines
+            return turned >= RESTING_FRAME_TURN_RAD / self.finer
         if turned >= turn:
             return True
         moved = self.plant.centres - self._last_centres

@@ -13,8 +13,10 @@ from foldback.planner.chain.rotations import wxyz_from_matrix
 from foldback.planner.motion.motion import Motion, Phase
 from foldback.planner.playback.chain_run import (
     FRAME_MOVE_PITCH,
+    FRAME_TURN_RAD,
     GOAL_TOLERANCE_PITCH,
     MAX_FRAME_STEPS,
+    RESTING_FRAME_TURN_RAD,
     PlaybackRun,
     PlaybackStatus,
 )
@@ -27,10 +29,6 @@ from foldback.planner.reasons import ReasonCode as Code
 from foldback.planner.simulation.mujoco_robot import MujocoRobot, Substeps
 from foldback.planner.simulation.robot import FollowedSteps, RobotErrors, RobotTeam
 
-FRAME_TURN_RAD: Final = 0.01
-"""Turn of a target, rad, since the last frame at which a simulated playback records the next."""
-RESTING_FRAME_TURN_RAD: Final = 0.08
-"""The same where the chain rests between turns: frames lie on straight lines."""
 STEPS_AT_ONCE: Final = 32
 """Number of steps that all robots make in one call. Progress is reported, and a playback can be
 cancelled, between two calls; each takes about 0.3 ms besides its steps."""
