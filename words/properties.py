@@ -255,7 +255,9 @@ def used_parameters(
     groups.append(("Playback parameters", PlaybackParameters, values))
     robot = playback.get("robot")
     if simulated and robot and controller == "robot":
-        groups.append(("Simulated robots", RobotParameters, robot))
+        by_mujoco = (parameters.get("explosion") or {}).get("engine") == "mujoco"
+        title = "Robots simulated by MuJoCo" if by_mujoco else "Simulated robots"
+        groups.append((title, RobotParameters, robot))
     elif simulated and robot and controller == "computed-torque":
         encoder = {name: robot[name] for name in ("encoder_step",) if name in robot}
         groups.append(("Simulated robot", RobotParameters, encoder))

@@ -76,3 +76,9 @@ def test_ideal_robot_is_described_by_its_encoders_alone() -> None:
     ideal = with_settings(preset("default"), read_settings("robots=0,encoder_step=0.01"))
     groups = used_parameters(ideal.as_dict(), strategy="smoothed", simulated=True)
     assert groups[-1] == ("Simulated robot", RobotParameters, {"encoder_step": 0.01})
+
+
+def test_heading_says_who_simulates_the_robots() -> None:
+    by_mujoco = with_settings(preset("default"), read_settings("engine=mujoco"))
+    groups = used_parameters(by_mujoco.as_dict(), strategy="simultaneous", simulated=True)
+    assert groups[-1][:2] == ("Robots simulated by MuJoCo", RobotParameters)
