@@ -178,7 +178,7 @@ class PlaybackParameters:
         None,
         label="Longest simulated chain",
         help="Longer chains are played back without a simulation of forces; `none` means up to 500 "
-        "modules, and up to 2000 if the simulation is expected to take less than 5 s.",
+        "modules, and up to 2000 if the simulation is expected to add less than 8 s.",
         unit="modules",
         range=(2, 20_000),
         is_whole=True,

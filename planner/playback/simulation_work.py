@@ -14,20 +14,21 @@ ALWAYS_SIMULATED_MODULES: Final = 500
 MAX_ESTIMATED_MODULES: Final = 2000
 """Number of modules above which no playback is simulated unless a setting asks for it: the errors
 of robots add up along the chain."""
-MAX_SIMULATION_S: Final = 5.0
-"""Maximum expected processor time, s, of the robots of a playback of more than
-``ALWAYS_SIMULATED_MODULES`` modules: docs/decisions/0061-simulated-by-default.md."""
-MODULE_FRAME_S: Final = 0.75e-6
-"""Processor time, s, of one robot for each module and each frame of the record, all modules being
-simulated. As all seconds here, it is that of a processor which makes 1000 steps of a MuJoCo tree of
-160 cubes in 0.26 s. Measured: docs/decisions/0061-simulated-by-default.md."""
-WINDOW_FRAME_S: Final = 0.4e-3
-"""Processor time, s, of one robot for each frame of a peeling, of which a window is simulated.
-Measured, too."""
+MAX_SIMULATION_S: Final = 8.0
+"""Maximum expected processor time, s, that the robots of a playback of more than
+``ALWAYS_SIMULATED_MODULES`` modules add to a fold: docs/decisions/0061-simulated-by-default.md."""
+SQUARE_FRAME_S: Final = 4.7e-9
+"""Processor time, s, that one robot adds to a fold for each frame of the record, divided by the
+square of the number of modules, all of which are simulated. As all seconds here, it is that of a
+processor which makes 1000 steps of a MuJoCo tree of 160 cubes in 0.26 s. Measured:
+docs/decisions/0061-simulated-by-default.md."""
+WINDOW_FRAME_S: Final = 0.6e-3
+"""Processor time, s, that one robot adds for each frame of a peeling, of which a window is
+simulated. Measured, too."""
 
 
 def simulation_seconds(modules: int, frames: int, robots: int, *, is_windowed: bool) -> float:
-    """Return the expected processor time of the robots of a playback, s.
+    """Return the processor time, s, that the robots of a playback are expected to add to a fold.
 
     Args:
         modules: Number of modules.
@@ -35,7 +36,7 @@ def simulation_seconds(modules: int, frames: int, robots: int, *, is_windowed: b
         robots: Number of robots; 0 for one ideal robot.
         is_windowed: True if a window of the chain moves at a time.
     """
-    frame_s = WINDOW_FRAME_S if is_windowed else MODULE_FRAME_S * modules
+    frame_s = WINDOW_FRAME_S if is_windowed else SQUARE_FRAME_S * modules**2
     return max(1, robots) * frames * frame_s
 
 

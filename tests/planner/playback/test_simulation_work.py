@@ -18,8 +18,9 @@ def test_expected_time_decides_which_long_chains_are_simulated() -> None:
         (500, 10**6, False, PlaybackParameters(), True),
         (1000, 453, False, PlaybackParameters(), True),  # a box in layers
         (1000, 453, False, ROBOTS_20, False),
-        (2000, 1000, False, PlaybackParameters(), True),
-        (2001, 1000, False, PlaybackParameters(), False),
+        (2000, 855, False, PlaybackParameters(), False),  # another one
+        (2000, 4300, True, PlaybackParameters(), True),  # a box, peeled
+        (2001, 4300, True, PlaybackParameters(), False),
         (1152, 5000, False, PlaybackParameters(), False),  # a path found by search
         (1008, 2700, True, PlaybackParameters(), True),  # a ball, peeled
         (2000, 6000, True, PlaybackParameters(), False),
