@@ -186,7 +186,7 @@ def test_limit_of_open_files_is_judged(tmp_path: Path, monkeypatch: pytest.Monke
 def test_too_little_memory_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machine, "_allowed_bytes", lambda: [1500 * 2**20])
     little = machine.memory(settings(tmp_path, child_memory_bytes=2**28))
-    check_finding(little, "warning", "6 processes that read uploads")
+    check_finding(little, "warning", "7 processes that read uploads")
 
 
 def test_clock_set_back_is_a_warning(tmp_path: Path) -> None:

@@ -79,7 +79,7 @@ def test_private_picture_and_data_directory_are_closed_to_others(whole_fold: Fin
     assert data_dir.stat().st_mode & 0o077 == 0
     written = [*data_dir.glob("*.db*"), *data_dir.rglob("plan.npz")]
     assert written
-    assert all(path.stat().st_mode & 0o077 == 0 for path in written)
+    assert not [path for path in written if path.stat().st_mode & 0o077]
 
 
 def truncate(path: Path) -> None:
