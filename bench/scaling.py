@@ -61,7 +61,8 @@ def _box(*sides: int) -> Callable[[], bytes]:
     return path
 
 
-def _stl(mesh: Callable[[], trimesh.Trimesh]) -> Callable[[], bytes]:
+def stl(mesh: Callable[[], trimesh.Trimesh]) -> Callable[[], bytes]:
+    """Return a function that writes a mesh as an STL file."""
     return lambda: bytes(mesh().export(file_type="stl"))
 
 
@@ -78,9 +79,7 @@ def _torus() -> trimesh.Trimesh:
 
 
 def _mesh(shape: Callable[[], trimesh.Trimesh], modules: int, bar_s: float) -> Case:
-    return Case(
-        shape="mesh.stl", data=_stl(shape), options=("--modules", str(modules)), bar_s=bar_s
-    )
+    return Case(shape="mesh.stl", data=stl(shape), options=("--modules", str(modules)), bar_s=bar_s)
 
 
 CASES: Final = {
