@@ -30,9 +30,6 @@ PORT: Final = "18099"
 FIRST_MINUTES_TIMEOUT_S: Final = 900.0
 """Maximum time that the benchmark of a fresh installation waits for each of its events, such as the
 first motion on the landing page, in s; beyond it the benchmark ends with an error."""
-MAX_INSTALL_CPU_S: Final = 45.0
-"""Target of the benchmark: the installation into a new environment takes less processor time than
-this, in s. At or above it the target is reported as not met."""
 STATUS_POLL_S: Final = 0.2
 """Time between two requests for the state of the service or of a fold, in s. The measured times are
 too long by up to this value."""
@@ -69,29 +66,24 @@ def first_minutes(reference_seconds: float) -> Section:
         clone = Path(folder) / "foldback"
         subprocess.run(["git", "clone", "--quiet", str(ROOT), str(clone)], check=True)
         wall, cpu = _installed(clone)
-        bar = f"< {MAX_INSTALL_CPU_S:.0f} s of the processor"
-        _add(section, "installation", wall, cpu, bar=bar, is_met=cpu < MAX_INSTALL_CPU_S)
+        _add(section, "installation", wall, cpu)
         usage = subprocess.run(
             ["du", "-sm", clone / ".venv"], check=True, capture_output=True, text=True
         )
         size = int(usage.stdout.split()[0])
-        section.add("size of the environment, du -sm", f"{size} MB", "≤ 650 MB", size <= 650)
+        section.add("size of the environment, du -sm", f"{size} MB", "≤ 430 MB", size <= 430)
         with _serving(clone, Path(folder)) as (watch, address):
             _watched(section, watch, address)
+    for name, bar_s in (("address printed", 20), ("own fold of 24 cubes verified", 26)):
+        seconds = wall + next(row["wall_s"] for row in section.rows if row["what"] == name)
+        title = f"from an empty folder: {name}"
+        section.add(title, f"{seconds:.1f} s", f"≤ {bar_s} s", seconds <= bar_s)
     return section
 
 
-def _add(
-    section: Section,
-    name: str,
-    wall: float,
-    cpu: float,
-    *,
-    bar: str = "",
-    is_met: bool | None = None,
-) -> None:
+def _add(section: Section, name: str, wall: float, cpu: float) -> None:
     section.rows.append({"what": name, "wall_s": wall, "processor_s": cpu})
-    section.add(name, f"{wall:.1f} s, {cpu:.1f} s of the processor", bar, is_met)
+    section.add(name, f"{wall:.1f} s, {cpu:.1f} s of the processor")
 
 
 def _installed(clone: Path) -> tuple[float, float]:
