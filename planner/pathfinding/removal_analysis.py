@@ -84,13 +84,11 @@ def _least_beyond(grid: Ints, way: tuple[int, ...], none: int) -> Ints:
     axis = next(k for k in range(3) if way[k])
     nearest = np.full_like(grid, none)
     source, beyond = np.moveaxis(grid, axis, 0), np.moveaxis(nearest, axis, 0)
-    shift = tuple(-way[k] for k in range(3) if k != axis)
+    steps = [way[k] for k in range(3) if k != axis]
+    here = tuple(slice(max(-step, 0), -step if step > 0 else None) for step in steps)
+    there = tuple(slice(max(step, 0), step if step < 0 else None) for step in steps)
     last = len(source) - 1
     for k in range(last - 1, -1, -1) if way[axis] > 0 else range(1, last + 1):
-        next_layer = np.minimum(source[k + way[axis]], beyond[k + way[axis]])
-        moved = np.roll(next_layer, shift, axis=(0, 1))
-        for side, far in enumerate(shift):  # what came round from the other side is not there
-            if far:
-                np.moveaxis(moved, side, 0)[0 if far > 0 else -1] = none
-        beyond[k] = moved
+        ahead = k + way[axis]
+        np.minimum(source[ahead][there], beyond[ahead][there], out=beyond[k][here])
     return nearest
