@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from foldback.planner.cpu_cores import cores
 from foldback.planner.pipeline.stages import run_stages
-from foldback.planner.progress import STAGES, Report
+from foldback.planner.progress import MARGINS_MESSAGE, STAGES, Report
 from foldback.planner.progress import Progress as StageProgress
 
 STAGE_VERBS = {
@@ -48,6 +48,9 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
                 bars.update(bar, completed=progress.fraction)
                 if progress.steps:
                     bars.update(bar, note=_steps(progress))
+                elif stage == "certify":
+                    is_verified = progress.message == MARGINS_MESSAGE
+                    bars.update(bar, note=progress.message if is_verified else "")
 
             yield report
 

@@ -22,6 +22,11 @@ PROGRESS_PERIOD_S: Final = 0.1
 """Minimum wall time between two progress reports of one run, in s."""
 
 
+MARGINS_MESSAGE: Final = "verified; computing the margins"
+"""Message of the stage ``certify`` once the verdict is certain; pages and the command line show
+it."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
     """Progress of one stage.

@@ -38,7 +38,7 @@ from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.playback.playback import Playback
-from foldback.planner.progress import Cancelled, Progress, Report, never, silent
+from foldback.planner.progress import MARGINS_MESSAGE, Cancelled, Progress, Report, never, silent
 from foldback.planner.reasons import MotionName, Reason
 from foldback.planner.reasons import ReasonCode as Code
 from foldback.planner.storage.plain_values import from_plain
@@ -209,7 +209,7 @@ def certify(
     margins_found = None
     if with_margins and sweeps.plan is not None and reason is None:
         assert playback is not None
-        progress(Progress(stage="certify", fraction=0.95, message="computing the margins"))
+        progress(Progress(stage="certify", fraction=0.95, message=MARGINS_MESSAGE))
         margins_found = margins(
             chain, playback.reference, sweeps.plan, module_size=size, cancelled=cancelled
         )

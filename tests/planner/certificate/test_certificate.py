@@ -16,6 +16,7 @@ from foldback.planner.errors import InputError
 from foldback.planner.motion.record import Record
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.playback.playback import Playback
+from foldback.planner.progress import MARGINS_MESSAGE
 from foldback.planner.reasons import Reason, ReasonCode
 from tests.case import case
 from tests.planner.chains import Array, anchored, chain_of, coil, line
@@ -69,6 +70,23 @@ def test_certificate_of_a_kinematic_playback() -> None:
     assert certificate.plan_end_error_rad == 0.0
     source = "inverse dynamics at 38 of 40 frames, accelerations smoothed"
     assert certificate.torque_source == source
+
+
+def test_verdict_is_reported_before_margins_are_computed() -> None:
+    chain, plan = closing()
+    colliding = plan.copy()
+    colliding[20, :] = [np.pi / 2, 0.0, np.pi / 2, 0.0, np.pi / 2, 0.0]
+    for angles, verified in ((plan, True), (colliding, False)):
+        messages: list[str] = []
+        certificate = certify(
+            chain,
+            None,
+            playback_of(angles, kind="kinematic", torque_frames=38),
+            PARAMETERS,
+            progress=lambda report, messages=messages: messages.append(report.message),
+        )
+        assert certificate.verified == verified == (certificate.margins is not None)
+        assert (messages[-1:] == [MARGINS_MESSAGE]) == verified
 
 
 def test_clearance_bound_holds_for_plan_and_playback() -> None:

@@ -62,6 +62,10 @@ test("the title of a running fold shows its progress", () => {
     "Unfolding 42 % · torus · foldback",
   );
   assert.equal(
+    title({ status: "running", stage: "certify", message: "verified; computing the margins" }),
+    "✓ Verified, computing the margins … · torus · foldback",
+  );
+  assert.equal(
     title({ status: "running", stage: "export", fraction: 0 }),
     "Writing the files … · torus · foldback",
   );

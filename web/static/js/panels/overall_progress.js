@@ -3,6 +3,7 @@
 import { STAGES, duration } from "../lib/text.js";
 
 const SMOOTHING = "smoothing"; // message of that state, defined in server/schemas.py
+const MARGINS = "verified; computing the margins"; // defined in planner/progress.py
 const FEW_S = 5;
 const ORDER = Object.keys(STAGES);
 
@@ -11,6 +12,7 @@ export class OverallProgress {
   attempt = 1;
   plans = 0; // approximate number of plans; 0 if unknown
   smoothing = false; // true if the stage smooths a motion instead of exploding
+  verified = false; // true if the verdict is certain and margins are computed
   fraction = 0; // largest fraction of the stage in this attempt
   simulatedS = 0; // seconds simulated by the most advanced robot
 
@@ -19,9 +21,10 @@ export class OverallProgress {
   note({ stage, fraction, simulated_s: simulatedS, message, plan, plans }) {
     if (stage && stage !== this.stage) {
       if (ORDER.indexOf(stage) < ORDER.indexOf(this.stage)) this.attempt += 1;
-      Object.assign(this, { stage, fraction: 0, simulatedS: 0, smoothing: false });
+      Object.assign(this, { stage, fraction: 0, simulatedS: 0, smoothing: false, verified: false });
     }
     this.smoothing ||= message === SMOOTHING;
+    this.verified ||= message === MARGINS;
     if (plan && plans) Object.assign(this, { attempt: plan, plans: Math.max(plan, plans) });
     this.fraction = Math.max(this.fraction, fraction ?? 0);
     this.simulatedS = Math.max(this.simulatedS, simulatedS ?? 0);
@@ -45,6 +48,7 @@ export class OverallProgress {
 
   // Return the name of the stage and its progress.
   label() {
+    if (this.verified) return "✓ Verified, computing the margins …";
     return this.writing
       ? `${this.name()} …`
       : `${this.name()} ${Math.floor(100 * this.fraction)} %`;

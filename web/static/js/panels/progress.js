@@ -87,7 +87,7 @@ export class Progress {
       else text = queueWords(queue, now.running_before);
       if (now.wait_s != null) text += remainingWords;
       else if (queue > 0) text += " · the server computes no folds right now, so this fold waits";
-    } else if (advance.writing) text = advance.label();
+    } else if (advance.writing || advance.verified) text = advance.label();
     else {
       const parts = [`${advance.label()}${advance.words()}${remainingWords}`];
       if (now.steps) parts.push(`${integerText(now.steps)} steps`);
