@@ -178,15 +178,17 @@ class TimelineWriter:
         timeline.motion(max(frame_count - 1, 0), frame_count)  # nothing follows a damaged chunk
         head = _read(folder)
         if frame_count < len(timeline):
-            kept: list[_Chunk] = []
+            remaining_chunks: list[_Chunk] = []
             for chunk, end in zip(head.chunks, _ends(head.chunks), strict=True):
                 if end - chunk.frames < frame_count:
                     frames_of_chunk = chunk.frames - max(end - frame_count, 0)
-                    kept.append(replace(chunk, frames=frames_of_chunk))
-            names = {FOLDED_FILE, *map(_chunk_file, range(len(kept)))}
+                    remaining_chunks.append(replace(chunk, frames=frames_of_chunk))
+            names = {FOLDED_FILE, *map(_chunk_file, range(len(remaining_chunks)))}
             files = {name: checksum for name, checksum in head.files.items() if name in names}
-            # Who has read what is dropped has to begin anew.
-            head = replace(head, chunks=tuple(kept), files=files, id=secrets.token_hex(8))
+            # Readers of the dropped frames must start again.
+            head = replace(
+                head, chunks=tuple(remaining_chunks), files=files, id=secrets.token_hex(8)
+            )
         writer = cls(folder, head, len(timeline.chain.folded_rad))
         for file in folder.glob("*.npz"):
             if file.name not in head.files:

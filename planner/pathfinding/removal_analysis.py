@@ -85,10 +85,10 @@ def _least_beyond(grid: Ints, way: tuple[int, ...], none: int) -> Ints:
     nearest = np.full_like(grid, none)
     source, beyond = np.moveaxis(grid, axis, 0), np.moveaxis(nearest, axis, 0)
     steps = [way[k] for k in range(3) if k != axis]
-    here = tuple(slice(max(-step, 0), -step if step > 0 else None) for step in steps)
-    there = tuple(slice(max(step, 0), step if step < 0 else None) for step in steps)
+    cells = tuple(slice(max(-step, 0), -step if step > 0 else None) for step in steps)
+    ahead_cells = tuple(slice(max(step, 0), step if step < 0 else None) for step in steps)
     last = len(source) - 1
     for k in range(last - 1, -1, -1) if way[axis] > 0 else range(1, last + 1):
         ahead = k + way[axis]
-        np.minimum(source[ahead][there], beyond[ahead][there], out=beyond[k][here])
+        np.minimum(source[ahead][ahead_cells], beyond[ahead][ahead_cells], out=beyond[k][cells])
     return nearest

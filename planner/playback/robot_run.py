@@ -134,19 +134,19 @@ class RobotRun(PlaybackRun):
             number: Number of this one among them.
         """
         made, broken = int(followed.made[number]), followed.broken.get(number)
-        seen = min(len(targets), made + 1)  # a step that failed began in a sound state
+        compared = min(len(targets), made + 1)  # a step that failed began in a sound state
         angles = followed.states.q[number]
-        errors = np.abs(targets.angles[:seen] - angles[:seen])
+        errors = np.abs(targets.angles[:compared] - angles[:compared])
         worst = errors.max(axis=1, initial=0.0)
         lost = np.flatnonzero(worst > self._lost_rad)
         if len(lost):
-            seen, made = int(lost[0]) + 1, int(lost[0])
+            compared, made = int(lost[0]) + 1, int(lost[0])
             self._end("missed", self.lost(0, errors[made], float(targets.fractions[made])))
             due = np.append(due[due < made], made)
         elif broken is not None:
             self._end("diverged", Reason.of(Code.SIMULATION_FAILED, detail=str(broken)))
-        self.largest_error = max(self.largest_error, float(worst[:seen].max(initial=0.0)))
-        self._keep(phase, targets.angles, due[due < seen], followed, number)
+        self.largest_error = max(self.largest_error, float(worst[:compared].max(initial=0.0)))
+        self._keep(phase, targets.angles, due[due < compared], followed, number)
         torques = np.abs(followed.states.torques[number, :made]).max(axis=1, initial=0.0)
         self.peak_torque = max(self.peak_torque, float(torques.max(initial=0.0)))
         self.square_torque = float(np.cumsum([self.square_torque, *(torques * torques)])[-1])

@@ -93,10 +93,10 @@ def run_resident(arguments: list[str]) -> list[str]:
     Returns:
         The arguments without the option, if this process is to run the command.
     """
-    asked = OPTIONS.get(arguments[0]) if arguments else None
-    remaining = arguments if asked is None else arguments[1:]
+    is_wanted = OPTIONS.get(arguments[0]) if arguments else None
+    remaining = arguments if is_wanted is None else arguments[1:]
     is_served = bool(remaining) and remaining[0] in SERVED_COMMANDS and sys.platform == "linux"
-    if not is_served or asked is False or (asked is None and not _is_terminal()):
+    if not is_served or is_wanted is False or (is_wanted is None and not _is_terminal()):
         return remaining
     with socket.socket(socket.AF_UNIX) as connection:
         try:
