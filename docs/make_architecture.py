@@ -22,7 +22,7 @@ LAYERS: Final = (
     ("planner.storage",),
     ("planner.core",),
     ("planner.chain",),
-    ("planner.parameters",),
+    ("planner.parameters", "planner.twist_chains"),
     ("planner.shapes", "planner.motion", "planner.simulation"),
     ("planner.clearance", "planner.readers"),
     ("planner.statics",),
