@@ -106,7 +106,17 @@ class Module:
     @cached_property
     def hull(self) -> Hull:
         """The hull as kernels take it."""
-        return Hull(self.vertices, self.face_normals, self.edge_directions, self.radius)
+        counts = len(self.vertices), len(self.face_normals), len(self.edge_directions)
+        return Hull(
+            vertices=self.vertices,
+            normals=self.face_normals,
+            edges=self.edge_directions,
+            parts=np.array([[end for count in counts for end in (0, count)]], dtype=np.int64),
+            pieces=np.array([[0, 1]], dtype=np.int64),
+            kinds=np.zeros(1, dtype=np.int64),
+            first=0,
+            radius=self.radius,
+        )
 
     @property
     def hinges_per_joint(self) -> int:

@@ -377,16 +377,24 @@ def repulsion(points: Array, pairs: Pairs, gain: float, out: Array) -> None:
     """
 
 def pair_separation(
-    gap: Array, rotation_a: Array, rotation_b: Array, hull: Hull, size: float, enough: float
+    gap: Array,
+    rotation_a: Array,
+    rotation_b: Array,
+    hull: Hull,
+    size: float,
+    enough: float,
+    first: int = 0,
+    second: int = 0,
 ) -> float:
-    """Return the separation of two equal convex modules, see the top of this file.
+    """Return the separation of two modules of a chain, see the top of this file.
 
     Args:
         gap: (3,) centre of b minus centre of a, in pitches.
         rotation_a, rotation_b: (3, 3) orientations.
-        hull: Full-size hull of both modules.
+        hull: Full-size hull of the modules.
         size: Scale of the hull.
         enough: Pitches; the search stops when the separation is known to be at least this.
+        first, second: Numbers of the two modules, which tell their pieces.
     """
 
 def least_separation(

@@ -161,7 +161,7 @@ bool is_free(const ReducedState &state, const ModuleStates &modules, View<const 
         load(modules.positions[j].data()) - load(modules.positions[i].data());
     if (std::sqrt(dot(gap, gap)) - 2.0 * solid.radius() >= MIN_FREE_GAP) continue;
     if (solid
-            .separation(gap, load_matrix(modules.rotations[i].data()),
+            .separation(i, j, gap, load_matrix(modules.rotations[i].data()),
                         load_matrix(modules.rotations[j].data()), MIN_FREE_GAP)
             .distance < MIN_FREE_GAP)
       return false;

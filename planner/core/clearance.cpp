@@ -16,11 +16,33 @@ namespace {
 // skipped.
 constexpr double DISTANCE_MARGIN = 1e-9;
 
-// True if a hull is a box along its own axes, about its centre.
-bool is_box(const Hull &hull) {
-  if (hull.vertices.size() != 8 || hull.normals.size() != 3 || hull.edges.size() != 3) return false;
-  for (int r = 0; r < 3; ++r)
-    if (hull.normals(r, r) != 1.0 || hull.vertices(0, r) + hull.vertices(7, r) != 0.0) return false;
+// True if a part is a box along the axes of its module's frame; its centre and half sides are
+// written then.
+bool is_box(Part &part, double size) {
+  if (part.vertices.size() != 8 || part.normals.size() != 3 || part.edges.size() != 3) return false;
+  bool is_corner[8] = {};
+  double low[3], high[3];
+  for (int r = 0; r < 3; ++r) {
+    low[r] = high[r] = part.vertices(0, r);
+    for (Index k = 0; k < 8; ++k) {
+      low[r] = std::min(low[r], part.vertices(k, r));
+      high[r] = std::max(high[r], part.vertices(k, r));
+    }
+  }
+  for (Index k = 0; k < 8; ++k) {
+    int corner = 0;
+    for (int r = 0; r < 3; ++r) {
+      const double x = part.vertices(k, r);
+      if (x != low[r] && x != high[r]) return false;
+      corner |= (x == high[r]) << r;
+    }
+    is_corner[corner] = true;
+  }
+  if (!std::all_of(is_corner, is_corner + 8, [](bool corner) { return corner; })) return false;
+  for (int r = 0; r < 3; ++r) {
+    part.half[r] = 0.5 * (high[r] - low[r]) * size;
+    part.centre[r] = 0.5 * (high[r] + low[r]) * size;
+  }
   return true;
 }
 
@@ -58,19 +80,19 @@ struct RelativeBoxes {
         relative(r, c) = a(0, r) * b(0, c) + a(1, r) * b(1, c) + a(2, r) * b(2, c);
   }
 
-  // Separation along face normal k of a.
-  double face_of_a(int k, const double *half) const {
-    double reach = half[k] + std::abs(relative(k, 0)) * half[0] +
-                   std::abs(relative(k, 1)) * half[1] + std::abs(relative(k, 2)) * half[2];
+  // Separation along face normal k of a, with the half sides of a and those of b.
+  double face_of_a(int k, const double *of_a, const double *of_b) const {
+    double reach = of_a[k] + std::abs(relative(k, 0)) * of_b[0] +
+                   std::abs(relative(k, 1)) * of_b[1] + std::abs(relative(k, 2)) * of_b[2];
     return std::abs(across[k]) - reach;
   }
 
   // Separation along face normal c of b.
-  double face_of_b(int c, const double *half) const {
+  double face_of_b(int c, const double *of_a, const double *of_b) const {
     double distance =
         across.x * relative(0, c) + across.y * relative(1, c) + across.z * relative(2, c);
-    double reach = half[c] + std::abs(relative(0, c)) * half[0] +
-                   std::abs(relative(1, c)) * half[1] + std::abs(relative(2, c)) * half[2];
+    double reach = of_b[c] + std::abs(relative(0, c)) * of_a[0] +
+                   std::abs(relative(1, c)) * of_a[1] + std::abs(relative(2, c)) * of_a[2];
     return std::abs(distance) - reach;
   }
 
@@ -81,13 +103,13 @@ struct RelativeBoxes {
   }
 
   // Separation along that cross product; −∞ for parallel edges.
-  double edges(int r, int c, const double *half) const {
+  double edges(int r, int c, const double *of_a, const double *of_b) const {
     int r1 = (r + 1) % 3, r2 = (r + 2) % 3, c1 = (c + 1) % 3, c2 = (c + 2) % 3;
     double square = squared_sine(r, c);
     if (square < MIN_CROSS * MIN_CROSS) return -INFINITE;
     double distance = across[r2] * relative(r1, c) - across[r1] * relative(r2, c);
-    double reach = half[r1] * std::abs(relative(r2, c)) + half[r2] * std::abs(relative(r1, c)) +
-                   half[c1] * std::abs(relative(r, c2)) + half[c2] * std::abs(relative(r, c1));
+    double reach = of_a[r1] * std::abs(relative(r2, c)) + of_a[r2] * std::abs(relative(r1, c)) +
+                   of_b[c1] * std::abs(relative(r, c2)) + of_b[c2] * std::abs(relative(r, c1));
     return (std::abs(distance) - reach) * (1.0 / std::sqrt(square));
   }
 };
@@ -112,20 +134,61 @@ Vector<double> box_axis(int k, const RelativeBoxes &boxes, const Matrix<double> 
 
 }  // namespace
 
-Solid::Solid(const Hull &hull, double size) : hull_(hull), size_(size), is_box_(is_box(hull)) {
-  if (is_box_)
-    for (int r = 0; r < 3; ++r) half_[r] = std::abs(hull.vertices(0, r)) * size;
+Solid::Solid(const Hull &hull, double size) : hull_(hull), size_(size) {
+  for (Index q = 0; q < hull.parts.size(); ++q) {
+    const Index *at = hull.parts[q].data();
+    Part part{hull.vertices.slice(at[0], at[1]),
+              hull.normals.slice(at[2], at[3]),
+              hull.edges.slice(at[4], at[5]),
+              false,
+              {},
+              {0.0, 0.0, 0.0},
+              0.0};
+    part.is_box = is_box(part, size);
+    if (!part.is_box) {
+      for (Index k = 0; k < part.vertices.size(); ++k)
+        part.centre = part.centre + load(part.vertices[k].data());
+      part.centre = scaled(part.centre, size / static_cast<double>(part.vertices.size()));
+    }
+    for (Index k = 0; k < part.vertices.size(); ++k) {
+      const Vector<double> way = scaled(load(part.vertices[k].data()), size) - part.centre;
+      part.radius = std::max(part.radius, std::sqrt(dot(way, way)));
+    }
+    parts_.push_back(part);
+  }
+  const Part &part = parts_[0];
+  is_plain_ = hull.pieces.size() == 1 && parts_.size() == 1 &&
+              !(part.is_box && dot(part.centre, part.centre) > 0.0);
 }
 
-Separation Solid::box_separation(const Vector<double> &gap, const Matrix<double> &a,
-                                 const Matrix<double> &b, double enough) const {
+Separation Solid::least_of_parts(Index i, Index j, const Vector<double> &gap,
+                                 const Matrix<double> &a, const Matrix<double> &b,
+                                 double enough) const {
+  Separation least{INFINITE, {}};
+  for (const Part &p : parts(i))
+    for (const Part &q : parts(j)) {
+      // Of two balls, what they are apart is a separation, too.
+      const Vector<double> way = between_centres(p, q, gap, a, b);
+      const double distance = std::sqrt(dot(way, way));
+      const double wanted = std::min(enough, least.distance);
+      Separation separation{distance - p.radius - q.radius, scaled(way, 1.0 / distance)};
+      if (separation.distance < wanted || distance == 0.0)
+        separation = of_parts(p, q, p.is_box && q.is_box ? way : gap, a, b, wanted);
+      if (separation.distance < least.distance) least = separation;
+    }
+  return least;
+}
+
+Separation Solid::box_separation(const Part &p, const Part &q, const Vector<double> &gap,
+                                 const Matrix<double> &a, const Matrix<double> &b,
+                                 double enough) const {
   const RelativeBoxes boxes(gap, a, b);
   double best = -INFINITE;
   int best_axis = 0;
   for (int k = 0; k < 15 && best < enough; ++k) {
-    double separation = k < 3   ? boxes.face_of_a(k, half_)
-                        : k < 6 ? boxes.face_of_b(k - 3, half_)
-                                : boxes.edges((k - 6) / 3, (k - 6) % 3, half_);
+    double separation = k < 3   ? boxes.face_of_a(k, p.half, q.half)
+                        : k < 6 ? boxes.face_of_b(k - 3, p.half, q.half)
+                                : boxes.edges((k - 6) / 3, (k - 6) % 3, p.half, q.half);
     if (separation > best) {
       best = separation;
       best_axis = k;
@@ -134,29 +197,25 @@ Separation Solid::box_separation(const Vector<double> &gap, const Matrix<double>
   return {best, box_axis(best_axis, boxes, a, b)};
 }
 
-double Solid::separation_along(const Vector<double> &axis, const Vector<double> &gap,
-                               const Matrix<double> &a, const Matrix<double> &b) const {
-  double distance = axis.x * gap.x + axis.y * gap.y + axis.z * gap.z;
-  Interval of_a(hull_.vertices, rotate_back(a, axis)), of_b(hull_.vertices, rotate_back(b, axis));
-  return std::max(distance + size_ * (of_b.low - of_a.high),
-                  -distance + size_ * (of_a.low - of_b.high));
-}
-
-Separation Solid::hull_separation(const Vector<double> &gap, const Matrix<double> &a,
-                                  const Matrix<double> &b, double enough) const {
+Separation Solid::hull_separation(const Part &p, const Part &q, const Vector<double> &gap,
+                                  const Matrix<double> &a, const Matrix<double> &b,
+                                  double enough) const {
   Separation best{-INFINITE, {}};
   auto try_axis = [&](const Vector<double> &axis) {
-    double separation = separation_along(axis, gap, a, b);
+    double distance = axis.x * gap.x + axis.y * gap.y + axis.z * gap.z;
+    Interval of_a(p.vertices, rotate_back(a, axis)), of_b(q.vertices, rotate_back(b, axis));
+    double separation = std::max(distance + size_ * (of_b.low - of_a.high),
+                                 -distance + size_ * (of_a.low - of_b.high));
     if (separation > best.distance) best = {separation, axis};
     return best.distance >= enough;
   };
-  for (const Matrix<double> *rotation : {&a, &b})
-    for (Index k = 0; k < hull_.normals.size(); ++k)
-      if (try_axis(rotate(*rotation, hull_.normals[k].data()))) return best;
-  for (Index k = 0; k < hull_.edges.size(); ++k)
-    for (Index l = 0; l < hull_.edges.size(); ++l) {
-      Vector<double> axis =
-          cross(rotate(a, hull_.edges[k].data()), rotate(b, hull_.edges[l].data()));
+  for (Index k = 0; k < p.normals.size(); ++k)
+    if (try_axis(rotate(a, p.normals[k].data()))) return best;
+  for (Index k = 0; k < q.normals.size(); ++k)
+    if (try_axis(rotate(b, q.normals[k].data()))) return best;
+  for (Index k = 0; k < p.edges.size(); ++k)
+    for (Index l = 0; l < q.edges.size(); ++l) {
+      Vector<double> axis = cross(rotate(a, p.edges[k].data()), rotate(b, q.edges[l].data()));
       double length = std::sqrt(dot(axis, axis));
       if (length < MIN_CROSS) continue;
       if (try_axis({axis.x / length, axis.y / length, axis.z / length})) return best;
@@ -181,7 +240,7 @@ Closest least_separation(View<const double, 2> positions, View<const double, 3> 
     Vector<double> gap = load(positions[j].data()) - load(positions[i].data());
     if (std::sqrt(dot(gap, gap)) - 2.0 * solid.radius() >= best.separation) continue;
     double separation = solid
-                            .separation(gap, load_matrix(rotations[i].data()),
+                            .separation(i, j, gap, load_matrix(rotations[i].data()),
                                         load_matrix(rotations[j].data()), best.separation)
                             .distance;
     if (separation < best.separation) best = {separation, i, j};
@@ -198,12 +257,15 @@ auto fields(SolidFields &s) { return std::tie(s.hull, s.size, s.inner_radius); }
 
 // Least separation of every module in one configuration, and the other module. A separation lies
 // between the centres' distance less two radii and less two inner radii, so the nearest centre of a
-// module bounds its result, and most pairs need no separating axes.
+// module bounds its result, and most pairs need no separating axes. Of modules of several parts, no
+// part need hold the centre, so that there is no such upper bound.
 class ModuleClearances {
  public:
   ModuleClearances(const SolidFields &fields, Index modules, Index min_checked_gap, double cutoff)
       : solid_(fields.hull, fields.size),
-        inner_(2.0 * fields.inner_radius * fields.size),
+        inner_(fields.hull.parts.size() == fields.hull.pieces.size()
+                   ? 2.0 * fields.inner_radius * fields.size
+                   : -INFINITE),
         min_checked_gap_(min_checked_gap),
         cutoff_(cutoff),
         best_(modules),
@@ -231,7 +293,7 @@ class ModuleClearances {
       if (distances_[k] - outer >= enough) continue;
       Vector<double> gap = load(points[j].data()) - load(points[i].data());
       double separation = solid_
-                              .separation(gap, load_matrix(rotations[i].data()),
+                              .separation(i, j, gap, load_matrix(rotations[i].data()),
                                           load_matrix(rotations[j].data()), enough)
                               .distance;
       for (auto [module, other] : {Pair{i, j}, Pair{j, i}})
@@ -259,17 +321,20 @@ void bind_clearance(nanobind::module_ &m) {
   m.def(
       "pair_separation",
       [](View<const double, 1> gap, View<const double, 2> a, View<const double, 2> b, Hull hull,
-         double size, double enough) {
+         double size, double enough, Index first, Index second) {
         require(gap.size() == 3, "gap: (3,)");
         require(a.shape() == std::array<Index, 2>{3, 3} && b.shape() == a.shape(),
                 "rotation_a, rotation_b: (3, 3)");
+        require(first >= 0 && second >= 0, "first, second: not negative");
         require_hull(hull);
         return Solid(hull, size)
-            .separation(load(gap.data()), load_matrix(a.data()), load_matrix(b.data()), enough)
+            .separation(first, second, load(gap.data()), load_matrix(a.data()),
+                        load_matrix(b.data()), enough)
             .distance;
       },
       nb::arg("gap"), nb::arg("rotation_a"), nb::arg("rotation_b"), nb::arg("hull"),
-      nb::arg("size"), nb::arg("enough"), "Return the separation of two equal convex modules.");
+      nb::arg("size"), nb::arg("enough"), nb::arg("first") = 0, nb::arg("second") = 0,
+      "Return the separation of two modules of a chain.");
   m.def(
       "least_separation",
       [](View<const double, 2> positions, View<const double, 3> rotations,

@@ -70,10 +70,11 @@ class LinkedOverlap {
         halfway_(here_.size()),
         last_(windows.folded.size()),
         last_extension_(windows.folded.size() / link.joint.hinges(), INFINITE) {
+    const Vector<double> anchor = load(link.joint.anchor.data());
     for (Index v = 0; v < link.hull.vertices.size(); ++v) {
-      corners_.push_back(scaled(load(link.hull.vertices[v].data()), link.size) -
-                         load(link.joint.anchor.data()));
-      longest_ = std::max(longest_, std::sqrt(dot(corners_.back(), corners_.back())));
+      corners_.push_back(scaled(load(link.hull.vertices[v].data()), link.size));
+      const Vector<double> arm = corners_.back() - anchor;
+      longest_ = std::max(longest_, std::sqrt(dot(arm, arm)));
     }
   }
 
@@ -104,17 +105,18 @@ class LinkedOverlap {
     const double curvature = longest_ * (turned * turned) / 8.0;
     const double at_most = last_extension_[joint] + longest_ * away + MAX_ROUNDING;
     if (at_most <= deepest_.depth && at_most + curvature <= deepest_.bound) return;
-    double begins = extension(here_), ends = extension(there_);
+    const Index module = joint + link_.joint.rigid_links;
+    double begins = extension(here_, module), ends = extension(there_, module);
     deepest_.bound = std::max(deepest_.bound, std::max(begins, ends) + curvature);
     last_extension_[joint] = ends;
     std::copy(there_.begin(), there_.end(), last);
     if (begins > deepest_.depth) compare(here_, joint, static_cast<double>(frame));
-    if (to > frame && extension(halfway_) > deepest_.depth)
+    if (to > frame && extension(halfway_, module) > deepest_.depth)
       compare(halfway_, joint, static_cast<double>(frame) + 0.5);
   }
 
   void compare(const std::vector<double> &angles, Index joint, double frame) {
-    double depth = overlap(angles);
+    double depth = overlap(angles, joint + link_.joint.rigid_links);
     if (depth > deepest_.depth) {
       deepest_.depth = depth;
       deepest_.frame = frame;
@@ -122,18 +124,21 @@ class LinkedOverlap {
     }
   }
 
-  // h, by which the module extends through the near face of the next one, in pitches.
-  double extension(const std::vector<double> &angles) const {
+  // h, by which a module extends through the near face of the next one, in pitches.
+  double extension(const std::vector<double> &angles, Index module) const {
     Vector<double> towards = rotate(load_matrix(link_.joint.turn.data()), link_.face.data());
     for (std::size_t k = angles.size(); k-- > 0;)
       towards = rotate_about(link_.joint.axes[k].data(), angles[k], towards);
     double extent = -INFINITE;
-    for (const Vector<double> &corner : corners_) extent = std::max(extent, dot(corner, towards));
-    return extent - link_.distance;
+    const Index piece = link_.hull.piece(module);
+    const Index first = link_.hull.pieces(piece, 0), last = link_.hull.pieces(piece, 1) - 1;
+    for (Index v = link_.hull.parts(first, 0); v < link_.hull.parts(last, 1); ++v)
+      extent = std::max(extent, dot(corners_[v], towards));
+    return extent - dot(load(link_.joint.anchor.data()), towards) - link_.distance;
   }
 
-  // Overlap of the two modules by separating axes, in pitches; below 0 if they are apart.
-  double overlap(const std::vector<double> &angles) const {
+  // Overlap of a module and the next one by separating axes, in pitches; below 0 if they are apart.
+  double overlap(const std::vector<double> &angles, Index module) const {
     Matrix<double> rotation;
     Vector<double> gap{0.0, 0.0, 0.0};
     for (int c = 0; c < 3; ++c) {
@@ -147,14 +152,14 @@ class LinkedOverlap {
     }
     const Matrix<double> upright{{1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0}};
     gap = gap + load(link_.joint.anchor.data());
-    return -solid_.separation(gap, upright, rotation, INFINITE).distance;
+    return -solid_.separation(module, module + 1, gap, upright, rotation, INFINITE).distance;
   }
 
   const Link &link_;
   const Windows &windows_;
   Solid solid_;
   std::vector<double> here_, there_, halfway_;  // angles of a joint
-  std::vector<Vector<double>> corners_;         // v
+  std::vector<Vector<double>> corners_;         // of all pieces
   double longest_ = 0.0;                        // of |v|
   std::vector<double> last_;            // angles of all hinges when h of their joint was computed
   std::vector<double> last_extension_;  // h of each joint at those angles

@@ -19,11 +19,19 @@ struct Joint {
   Index first_hinge(Index i) const { return (i - rigid_links) * hinges(); }
 };
 
+// Convex parts of the pieces of a chain: a module is one piece, a piece one or more parts.
 struct Hull {
   View<const double, 2> vertices;
   View<const double, 2> normals;
   View<const double, 2> edges;
-  double radius;
+  View<const Index, 2> parts;   // (Q, 6) vertices, normals and edges of each, from … up to …
+  View<const Index, 2> pieces;  // (P, 2) parts of each, from … up to …
+  View<const Index, 1> kinds;   // (period,) piece of each module of one period
+  Index first;                  // place of module 0 in the period
+  double radius;                // of the largest piece
+  Index piece(Index module) const {
+    return kinds.size() == 1 ? kinds[0] : kinds[(first + module) % kinds.size()];
+  }
 };
 
 struct ModuleStates {

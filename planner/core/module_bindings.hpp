@@ -7,7 +7,9 @@
 namespace foldback {
 
 inline auto fields(Joint &j) { return std::tie(j.rigid_links, j.anchor, j.axes, j.turn, j.offset); }
-inline auto fields(Hull &h) { return std::tie(h.vertices, h.normals, h.edges, h.radius); }
+inline auto fields(Hull &h) {
+  return std::tie(h.vertices, h.normals, h.edges, h.parts, h.pieces, h.kinds, h.first, h.radius);
+}
 inline auto fields(ModuleStates &s) {
   return std::tie(s.positions, s.rotations, s.velocities, s.angular_velocities);
 }
@@ -23,10 +25,31 @@ inline void require_joint(const Joint &joint) {
   require(joint.turn.shape() == std::array<Index, 2>{3, 3}, "joint.turn: (3, 3)");
 }
 
+inline void require_range(Index begin, Index end, Index size, const char *expected) {
+  require(begin >= 0 && begin < end && end <= size, expected);
+}
+
+// Require the parts of pieces, and the pieces of the modules of one period.
+inline void require_pattern(View<const Index, 2> pieces, View<const Index, 1> kinds, Index first,
+                            Index parts) {
+  require(pieces.size() > 0 && pieces.axis(1) == 2, "pieces: (P, 2)");
+  for (Index p = 0; p < pieces.size(); ++p)
+    require_range(pieces(p, 0), pieces(p, 1), parts, "pieces: parts from … up to …");
+  require(kinds.size() > 0 && first >= 0, "kinds: at least one; first: not negative");
+  for (Index kind : kinds) require(kind >= 0 && kind < pieces.size(), "kinds: indices of pieces");
+}
+
 inline void require_hull(const Hull &hull) {
   require(hull.vertices.size() > 0 && hull.vertices.axis(1) == 3, "hull.vertices: (V, 3)");
   require(hull.normals.axis(1) == 3, "hull.normals: (A, 3)");
   require(hull.edges.axis(1) == 3, "hull.edges: (E, 3)");
+  require(hull.parts.axis(1) == 6, "hull.parts: (Q, 6)");
+  const Index ends[3] = {hull.vertices.size(), hull.normals.size(), hull.edges.size()};
+  for (Index q = 0; q < hull.parts.size(); ++q)
+    for (int k = 0; k < 3; ++k)
+      require_range(hull.parts(q, 2 * k), hull.parts(q, 2 * k + 1), ends[k],
+                    "hull.parts: vertices, normals and edges from … up to …");
+  require_pattern(hull.pieces, hull.kinds, hull.first, hull.parts.size());
 }
 
 inline void require_lumps(const Lumps &lumps) {

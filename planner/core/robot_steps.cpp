@@ -163,7 +163,7 @@ class ContactTest {
       Vector<double> gap = load(positions_[j].data()) - load(positions_[i].data());
       if (dot(gap, gap) >= cutoff * cutoff) continue;
       least = std::min(least, solid_
-                                  .separation(gap, load_matrix(rotations_[i].data()),
+                                  .separation(i, j, gap, load_matrix(rotations_[i].data()),
                                               load_matrix(rotations_[j].data()), least)
                                   .distance);
       if (least < MIN_FREE_SEPARATION) break;

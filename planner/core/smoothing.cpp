@@ -75,7 +75,8 @@ Index mark_blamed_hinges(View<const double, 2> q, Joint joint, Hull hull, Index 
     bool is_close = false;
     for (auto [i, j] : pairs) {
       Vector<double> gap = chain.position(j) - chain.position(i);
-      if (!(solid.separation(gap, chain.rotation(i), chain.rotation(j), margin).distance < margin))
+      if (!(solid.separation(i, j, gap, chain.rotation(i), chain.rotation(j), margin).distance <
+            margin))
         continue;
       is_close = true;
       ++change[chain.first_hinge(i)];

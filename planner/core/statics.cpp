@@ -1,6 +1,6 @@
 // Contact points of modules with the floor and each other, and hinge torques of forces.
 //
-// Two convex modules touch along the axis that separates them best, as in `clearance.hpp`. If that
+// Two convex parts touch along the axis that separates them best, as in `clearance.hpp`. If that
 // is a face's normal, the points are the corners of the intersection of the two faces; if it is
 // across two edges, there is one point between them.
 //
@@ -54,12 +54,16 @@ constexpr Index FLOOR = -1;
 
 using Vectors = std::span<const Vector<double>>;
 
-// Hull of a module with its faces and edges: the named tuple `FacetedHull` of Python.
+// Parts of the modules of a chain with their faces and edges: the named tuple `FacetedHull` of
+// Python.
 struct FacetedHull {
   View<const double, 2> vertices, normals;
   View<const Index, 2> loops, edges;
   View<const double, 2> directions;
+  View<const Index, 2> parts, pieces;
+  View<const Index, 1> kinds;
   double radius;
+  Index piece(Index module) const { return kinds[module % kinds.size()]; }
 
   // Corners of a face, counterclockwise from outside.
   std::span<const Index> loop(Index face) const {
@@ -75,7 +79,8 @@ struct Hinges {
 };
 
 auto fields(FacetedHull &h) {
-  return std::tie(h.vertices, h.normals, h.loops, h.edges, h.directions, h.radius);
+  return std::tie(h.vertices, h.normals, h.loops, h.edges, h.directions, h.parts, h.pieces, h.kinds,
+                  h.radius);
 }
 auto fields(Hinges &h) { return std::tie(h.axes, h.anchors, h.before); }
 
@@ -100,9 +105,11 @@ struct FaceGap {
   Index face;
 };
 
-// Hull of one module in the world frame.
-struct PlacedHull {
+// Part of a module in the world frame. Its edges count its own corners.
+struct PlacedPart {
   Vectors corners, normals, directions;
+  View<const Index, 2> edges;
+  Index first_face;  // number of its first face
 };
 
 // R v with one rounding for each term. A product of matrices by BLAS rounds so where the processor
@@ -115,54 +122,68 @@ Vector<double> rotate_fused(const Matrix<double> &r, const double *v) {
   return rotated;
 }
 
-// Hulls of modules in the world frame.
-class PlacedHulls {
+// Parts of modules in the world frame.
+class PlacedParts {
  public:
-  PlacedHulls(View<const double, 2> positions, View<const double, 3> rotations,
-              const FacetedHull &solid) {
+  PlacedParts(View<const double, 2> positions, View<const double, 3> rotations,
+              const FacetedHull &solid)
+      : solid_(solid) {
     for (Index i = 0; i < positions.size(); ++i) {
       const Matrix<double> rotation = load_matrix(rotations[i].data());
       const Vector<double> centre = load(positions[i].data());
-      for (Index v = 0; v < solid.vertices.size(); ++v)
+      const Index first = solid.pieces(solid.piece(i), 0), last = end(i) - 1;
+      bases_.push_back({size_of(corners_) - solid.parts(first, 0),
+                        size_of(normals_) - solid.parts(first, 2),
+                        size_of(directions_) - solid.parts(first, 6)});
+      for (Index v = solid.parts(first, 0); v < solid.parts(last, 1); ++v)
         corners_.push_back(rotate_fused(rotation, solid.vertices[v].data()) + centre);
-      for (Index f = 0; f < solid.normals.size(); ++f)
+      for (Index f = solid.parts(first, 2); f < solid.parts(last, 3); ++f)
         normals_.push_back(rotate_fused(rotation, solid.normals[f].data()));
-      for (Index d = 0; d < solid.directions.size(); ++d)
+      for (Index d = solid.parts(first, 6); d < solid.parts(last, 7); ++d)
         directions_.push_back(rotate_fused(rotation, solid.directions[d].data()));
     }
-    counts_ = {solid.vertices.size(), solid.normals.size(), solid.directions.size()};
   }
 
-  PlacedHull operator[](Index i) const {
-    return {of(corners_, i, counts_[0]), of(normals_, i, counts_[1]),
-            of(directions_, i, counts_[2])};
+  // Parts of module i: from `begin` up to `end`.
+  Index begin(Index i) const { return solid_.pieces(solid_.piece(i), 0); }
+  Index end(Index i) const { return solid_.pieces(solid_.piece(i), 1); }
+
+  PlacedPart part(Index i, Index q) const {
+    const Index *at = solid_.parts[q].data();
+    const auto [corners, normals, directions] = bases_[i];
+    return {of(corners_, corners, at), of(normals_, normals, at + 2),
+            of(directions_, directions, at + 6), solid_.edges.slice(at[4], at[5]), at[2]};
   }
 
  private:
-  static Vectors of(const std::vector<Vector<double>> &all, Index i, Index count) {
-    return {all.data() + i * count, static_cast<std::size_t>(count)};
+  static Index size_of(const std::vector<Vector<double>> &all) {
+    return static_cast<Index>(all.size());
   }
+  static Vectors of(const std::vector<Vector<double>> &all, Index base, const Index *range) {
+    return {all.data() + base + range[0], static_cast<std::size_t>(range[1] - range[0])};
+  }
+  const FacetedHull &solid_;
   std::vector<Vector<double>> corners_, normals_, directions_;
-  std::array<Index, 3> counts_;
+  std::vector<std::array<Index, 3>> bases_;  // what leads from a number of the hull to one here
 };
 
-// Face that separates a module best from another one, and by how much.
-FaceGap best_face(const PlacedHull &hull, const FacetedHull &solid, const PlacedHull &other) {
+// Face that separates a part best from another one, and by how much.
+FaceGap best_face(const PlacedPart &part, const FacetedHull &solid, const PlacedPart &other) {
   FaceGap best{-INFINITE, 0};
-  for (std::size_t f = 0; f < hull.normals.size(); ++f) {
-    const Vector<double> &normal = hull.normals[f];
+  for (std::size_t f = 0; f < part.normals.size(); ++f) {
+    const Vector<double> &normal = part.normals[f];
     double least = INFINITE;
     for (const Vector<double> &corner : other.corners) least = std::min(least, dot(normal, corner));
-    Index face = static_cast<Index>(f);
-    double gap = least - dot(normal, hull.corners[solid.loops(face, 0)]);
+    Index face = part.first_face + static_cast<Index>(f);
+    double gap = least - dot(normal, part.corners[solid.loops(face, 0)]);
     if (gap > best.gap) best = {gap, face};
   }
   return best;
 }
 
 // Best separation across two edges; write its axis, from a to b. The vector `between` leads from
-// the centre of a to that of b.
-double best_edges(const PlacedHull &a, const PlacedHull &b, const Vector<double> &between,
+// the centre of one module to that of the other one.
+double best_edges(const PlacedPart &a, const PlacedPart &b, const Vector<double> &between,
                   Vector<double> &axis) {
   double best = -INFINITE;
   for (const Vector<double> &along_a : a.directions)
@@ -230,9 +251,9 @@ ContactArea clipped(const ContactArea &polygon, const Vector<double> &point,
   return part;
 }
 
-// A face of a module in the world frame.
+// A face of a part in the world frame.
 struct Face {
-  Vectors corners;              // of its module
+  Vectors corners;              // of its part
   std::span<const Index> loop;  // its own
   Vector<double> normal;
   const Vector<double> &corner(std::size_t k) const { return corners[loop[k % loop.size()]]; }
@@ -305,23 +326,44 @@ class ContactSearch {
  public:
   ContactSearch(View<const double, 2> positions, View<const double, 3> rotations,
                 const FacetedHull &solid)
-      : positions_(positions), solid_(solid), hulls_(positions, rotations, solid) {}
+      : positions_(positions), solid_(solid), placed_(positions, rotations, solid) {}
 
   // Add the points of corners that are at most `floor_gap` above the floor, in pitches.
   void add_floor(double floor_gap) {
     for (Index i = 0; i < positions_.size(); ++i) {
       if (!(positions_(i, 2) <= solid_.radius + floor_gap)) continue;
-      Vectors corners = hulls_[i].corners;
-      for (std::size_t v = 0; v < corners.size(); ++v)
-        if (corners[v].z <= floor_gap)
-          points_.push_back(
-              {i, FLOOR, static_cast<Index>(v), corners[v], {0.0, 0.0, 1.0}, corners[v].z});
+      Index corner = 0;
+      for (Index q = placed_.begin(i); q < placed_.end(i); ++q)
+        for (const Vector<double> &point : placed_.part(i, q).corners) {
+          if (point.z <= floor_gap)
+            points_.push_back({i, FLOOR, corner, point, {0.0, 0.0, 1.0}, point.z});
+          ++corner;
+        }
     }
   }
 
   // Add the points between two modules that are at most `module_gap` apart, in pitches.
   void add_pair(Index i, Index j, double module_gap) {
-    const PlacedHull a = hulls_[i], b = hulls_[j];
+    Index first_feature = 0;
+    for (Index p = placed_.begin(i); p < placed_.end(i); ++p)
+      for (Index q = placed_.begin(j); q < placed_.end(j); ++q) {
+        add_parts({i, placed_.part(i, p)}, {j, placed_.part(j, q)}, first_feature, module_gap);
+        first_feature += solid_.normals.size() * MAX_CORNERS + 1;
+      }
+  }
+
+  const std::vector<ContactPoint> &points() const { return points_; }
+
+ private:
+  struct PartOf {
+    Index module;
+    PlacedPart part;
+  };
+
+  // Add the points between a part of one module and a part of another one.
+  void add_parts(const PartOf &one, const PartOf &other, Index first_feature, double module_gap) {
+    const auto &[i, a] = one;
+    const auto &[j, b] = other;
     FaceGap of_a = best_face(a, solid_, b);
     if (of_a.gap > module_gap) return;
     FaceGap of_b = best_face(b, solid_, a);
@@ -331,41 +373,40 @@ class ContactSearch {
     if (gap > module_gap) return;
     if (gap <= std::max(of_a.gap, of_b.gap) + EDGE_BIAS) {
       if (of_b.gap > of_a.gap + FACE_BIAS)
-        add_face(j, i, of_b.face, module_gap);
+        add_face(other, one, of_b.face, first_feature, module_gap);
       else
-        add_face(i, j, of_a.face, module_gap);
+        add_face(one, other, of_a.face, first_feature, module_gap);
       return;
     }
     Vector<double> point;
-    if (between_edges(supporting_edge(a.corners, solid_.edges, axis, 1.0),
-                      supporting_edge(b.corners, solid_.edges, axis, -1.0), point))
-      points_.push_back({j, i, -1, point, axis, gap});
+    if (between_edges(supporting_edge(a.corners, a.edges, axis, 1.0),
+                      supporting_edge(b.corners, b.edges, axis, -1.0), point))
+      points_.push_back({j, i, first_feature - 1, point, axis, gap});
   }
 
-  const std::vector<ContactPoint> &points() const { return points_; }
-
- private:
-  // Add the points of a face of module a with module b.
-  void add_face(Index a, Index b, Index face, double module_gap) {
-    const PlacedHull hull = hulls_[a], other = hulls_[b];
-    const Vector<double> &normal = hull.normals[face];
+  // Add the points of a face of one part with another part.
+  void add_face(const PartOf &one, const PartOf &other, Index face, Index first_feature,
+                double module_gap) {
+    const PlacedPart &a = one.part, &b = other.part;
+    const Vector<double> &normal = a.normals[face - a.first_face];
     double least = INFINITE;
     Index opposite = 0;
-    for (std::size_t f = 0; f < other.normals.size(); ++f)
-      if (double cosine = dot(other.normals[f], normal); cosine < least) {
+    for (std::size_t f = 0; f < b.normals.size(); ++f)
+      if (double cosine = dot(b.normals[f], normal); cosine < least) {
         least = cosine;
         opposite = static_cast<Index>(f);
       }
-    const CommonCorners corners({hull.corners, solid_.loop(face), normal},
-                                {other.corners, solid_.loop(opposite), other.normals[opposite]},
-                                module_gap);
+    const CommonCorners corners(
+        {a.corners, solid_.loop(face), normal},
+        {b.corners, solid_.loop(b.first_face + opposite), b.normals[opposite]}, module_gap);
     for (int m = 0; m < corners.count(); ++m)
-      points_.push_back({b, a, face * MAX_CORNERS + m, corners.point(m), normal, corners.gap(m)});
+      points_.push_back({other.module, one.module, first_feature + face * MAX_CORNERS + m,
+                         corners.point(m), normal, corners.gap(m)});
   }
 
   View<const double, 2> positions_;
   const FacetedHull &solid_;
-  PlacedHulls hulls_;
+  PlacedParts placed_;
   std::vector<ContactPoint> points_;
 };
 
@@ -375,13 +416,26 @@ void require_faceted_hull(const FacetedHull &hull) {
   require(faces > 0 && hull.normals.axis(1) == 3, "solid.normals: (F, 3)");
   require(hull.loops.size() == faces && hull.loops.axis(1) > 0 && hull.loops.axis(1) <= MAX_CORNERS,
           "solid.loops: (F, M), at most 16 corners each");
-  for (Index corner : hull.loops)
-    require(corner >= -1 && corner < corners, "solid.loops: -1 to V - 1");
-  for (Index f = 0; f < faces; ++f) require(hull.loops(f, 0) >= 0, "solid.loops: a corner each");
   require(hull.edges.size() > 0 && hull.edges.axis(1) == 2, "solid.edges: (E, 2)");
-  for (Index corner : hull.edges)
-    require(corner >= 0 && corner < corners, "solid.edges: 0 to V - 1");
   require(hull.directions.axis(1) == 3, "solid.directions: (D, 3)");
+  require(hull.parts.axis(1) == 8, "solid.parts: (Q, 8)");
+  const Index ends[4] = {corners, faces, hull.edges.size(), hull.directions.size()};
+  for (Index q = 0; q < hull.parts.size(); ++q) {
+    const Index *at = hull.parts[q].data();
+    for (int k = 0; k < 4; ++k)
+      require_range(at[2 * k], at[2 * k + 1], ends[k],
+                    "solid.parts: vertices, faces, edges and directions from … up to …");
+    for (Index corner : hull.loops.slice(at[2], at[3]))
+      require(corner >= -1 && corner < at[1] - at[0], "solid.loops: -1, or a vertex of the part");
+    for (Index corner : hull.edges.slice(at[4], at[5]))
+      require(corner >= 0 && corner < at[1] - at[0], "solid.edges: vertices of the part");
+  }
+  for (Index f = 0; f < faces; ++f) require(hull.loops(f, 0) >= 0, "solid.loops: a corner each");
+  require_pattern(hull.pieces, hull.kinds, 0, hull.parts.size());
+  for (Index p = 0; p < hull.pieces.size(); ++p)
+    for (Index q = hull.pieces(p, 0) + 1; q < hull.pieces(p, 1); ++q)
+      for (int k = 0; k < 8; k += 2)
+        require(hull.parts(q, k) == hull.parts(q - 1, k + 1), "solid.parts: one after the other");
 }
 
 // The fields of Python's `ContactPoints`.

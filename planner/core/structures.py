@@ -40,18 +40,29 @@ class Joint(NamedTuple):
 
 
 class Hull(NamedTuple):
-    """Convex polyhedron of a module at full size, about its centre, in pitches.
+    """Convex parts of the modules of a chain at full size, about their centres, in pitches.
+
+    A module is one of several pieces, and a piece is one or more parts.
 
     Attributes:
-        vertices: (V, 3) corners.
-        normals: (A, 3) unit normals of its faces, one of each parallel pair.
-        edges: (E, 3) unit directions of its edges, one of each parallel set.
-        radius: Distance from the centre to the farthest corner.
+        vertices: (V, 3) corners of all parts, part by part.
+        normals: (A, 3) unit normals of the faces, of each part one of each parallel pair.
+        edges: (E, 3) unit directions of the edges, of each part one of each parallel set.
+        parts: (Q, 6) numbers of the first vertex, the first normal and the first edge of each part,
+            each before one past the last: ``vertices[parts[q, 0]:parts[q, 1]]``.
+        pieces: (P, 2) number of the first part of each piece, and one past the last.
+        kinds: (period,) the modules are the pieces ``kinds[0]``, ``kinds[1]``, …, over and over.
+        first: The number among ``kinds`` at which module 0 begins.
+        radius: Distance from the centre to the farthest corner of any piece.
     """
 
     vertices: Array
     normals: Array
     edges: Array
+    parts: Ints
+    pieces: Ints
+    kinds: Ints
+    first: int
     radius: float
 
 
@@ -440,7 +451,7 @@ class Solid(NamedTuple):
         hull: Full-size hull.
         size: Scale of the hull.
         inner_radius: Radius of the largest ball about the full-size module's centre that fits into
-            it, in pitches.
+            it, in pitches. Not used of modules of several parts.
     """
 
     hull: Hull
@@ -913,15 +924,20 @@ for the sum of the forces and three for the sum of the moments."""
 
 
 class FacetedHull(NamedTuple):
-    """Hull of a module with its faces and edges, about its centre, in pitches.
+    """Convex parts of the modules of a chain with faces and edges, about their centres, in pitches.
 
     Attributes:
-        vertices: (V, 3) corners.
-        normals: (F, 3) outward unit normals of its faces.
-        loops: (F, M) corners of each face, counterclockwise from outside; −1 behind the last one.
-        edges: (E, 2) corners of each edge.
-        directions: (D, 3) unit directions of its edges, one of each parallel set.
-        radius: Distance from the centre to the farthest corner.
+        vertices: (V, 3) corners of all parts, part by part.
+        normals: (F, 3) outward unit normals of the faces.
+        loops: (F, M) corners of each face, counterclockwise from outside, as numbers among those of
+            the part; −1 behind the last one.
+        edges: (E, 2) corners of each edge, as numbers among those of the part.
+        directions: (D, 3) unit directions of the edges, of each part one of each parallel set.
+        parts: (Q, 8) numbers of the first vertex, face, edge and direction of each part, each
+            before one past the last.
+        pieces: (P, 2) number of the first part of each piece, and one past the last.
+        kinds: (period,) the modules are the pieces ``kinds[0]``, ``kinds[1]``, …, over and over.
+        radius: Distance from the centre to the farthest corner of any piece.
     """
 
     vertices: Array
@@ -929,6 +945,9 @@ class FacetedHull(NamedTuple):
     loops: Ints
     edges: Ints
     directions: Array
+    parts: Ints
+    pieces: Ints
+    kinds: Ints
     radius: float
 
 

@@ -338,8 +338,8 @@ const Body &Sweep::body_of(Index module, double half, Body &room) const {
   return room;
 }
 
-// Check a pair at the middle of an interval and bound its clearance in it: lemma 8. A pair whose
-// lower bound does not exceed the target is left unresolved.
+// Check a pair at the middle of an interval and bound its clearance in it: lemma 8. A pair with two
+// parts whose lower bound does not exceed the target is left unresolved.
 void Sweep::check_pair(const Pair &pair, double half, double target, Check &check) {
   const auto [i, j] = pair;
   Body room;
@@ -350,14 +350,35 @@ void Sweep::check_pair(const Pair &pair, double half, double target, Check &chec
     approach = approach_of(a, b, half, radius, static_cast<double>(j - std::max(i, part_.low)));
   else
     approach.distance = length(b.position - a.position);
-  const double loss = approach.loss;
   // Lemmas 11 and 12: a bound that costs nothing first.
-  double error = largest_allowance(j <= part_.high ? 0 : 1, j - i);
-  double balls = approach.distance - 2.0 * radius - error;
-  if (balls >= check.clearance && balls - loss >= check.lower_bound) return;
+  const double error = largest_allowance(j <= part_.high ? 0 : 1, j - i);
+  const double balls = approach.distance - 2.0 * radius - error;
+  if (balls >= check.clearance && balls - approach.loss >= check.lower_bound) return;
+  const PairMotion motion{pair, a, b, half, approach};
+  bool is_proved = true;
+  for (const Part &p : solid_.parts(i))
+    for (const Part &q : solid_.parts(j))
+      is_proved = check_parts(p, q, motion, target, check) && is_proved;
+  if (!is_proved) unresolved_.push_back(pair);
+}
+
+// Check a part of one module and a part of the other. The loss bounds how near any point of the one
+// gets to the other, so that it holds for parts, too. Returns false if their lower bound does not
+// exceed the target.
+bool Sweep::check_parts(const Part &p, const Part &q, const PairMotion &motion, double target,
+                        Check &check) {
+  const auto &[pair, a, b, half, approach] = motion;
+  const Vector<double> gap = b.position - a.position;
+  const double loss = approach.loss;
+  double error = largest_allowance(pair.second <= part_.high ? 0 : 1, pair.second - pair.first);
+  if (!solid_.is_plain()) {
+    const Vector<double> way = Solid::between_centres(p, q, gap, a.rotation, b.rotation);
+    const double balls = length(way) - p.radius - q.radius - error;
+    if (balls >= check.clearance && balls - loss >= check.lower_bound) return true;
+  }
   auto [separation, axis] =
-      solid_.separation(b.position - a.position, a.rotation, b.rotation,
-                        std::max(check.clearance, check.lower_bound + loss) + error);
+      solid_.part_separation(p, q, gap, a.rotation, b.rotation,
+                             std::max(check.clearance, check.lower_bound + loss) + error);
   double nearing = error;
   const bool erring = shape_.tolerance.one_hinge_rad > 0.0 || shape_.tolerance.each_hinge_rad > 0.0;
   if (erring && separation - error < std::max(check.clearance, check.lower_bound + loss)) {
@@ -367,18 +388,16 @@ void Sweep::check_pair(const Pair &pair, double half, double target, Check &chec
   }
   if (separation - nearing < check.clearance) {
     check.clearance = separation - nearing;
-    check.first = i;
-    check.second = j;
+    check.first = pair.first;
+    check.second = pair.second;
   }
   separation -= error;
-  if (half > 0.0 && separation < check.lower_bound + loss) {
-    // Lemma 6, along the axis of the separation.
-    double lower = separation - loss_along(approach.motion, axis, half, radius);
-    if (lower <= target)
-      unresolved_.push_back(pair);
-    else
-      check.lower_bound = std::min(check.lower_bound, lower);
-  }
+  if (half == 0.0 || separation >= check.lower_bound + loss) return true;
+  // Lemma 6, along the axis of the separation.
+  const double lower = separation - loss_along(approach.motion, axis, half, solid_.radius());
+  if (lower <= target) return false;
+  check.lower_bound = std::min(check.lower_bound, lower);
+  return true;
 }
 
 // Check pairs in an interval, or only at its middle if it has no width. Clearances of the cutoff
@@ -558,7 +577,7 @@ auto rigid_clearances(View<const double, 2> positions, View<const double, 3> rot
   for (Index p = 0; p < pairs.size(); ++p) {
     Index i = pairs(p, 0), j = pairs(p, 1);
     double separation = solid
-                            .separation(load(positions[j].data()) - load(positions[i].data()),
+                            .separation(i, j, load(positions[j].data()) - load(positions[i].data()),
                                         load_matrix(rotations[i].data()),
                                         load_matrix(rotations[j].data()), least[j])
                             .distance;

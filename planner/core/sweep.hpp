@@ -89,6 +89,13 @@ class Sweep {
     Index first, second;  // the two modules that have it; −1 when none is below the cutoff
     double lower_bound;   // least one of the proved pairs, at most the cutoff
   };
+  // Two modules at the middle of an interval, and how they approach each other in it.
+  struct PairMotion {
+    const Pair &pair;
+    const Body &a, &b;
+    double half;
+    const Approach &approach;
+  };
   // An interval that is still to be proved: |s − middle| ≤ half, in units of the time between two
   // frames; which of the unresolved pairs belong to it, and how many bisections led to it.
   struct Interval {
@@ -129,6 +136,8 @@ class Sweep {
   Check check_frame(Index frame);
   Check check_pairs(double half, const Pair *begin, const Pair *end, double cutoff, double target);
   void check_pair(const Pair &pair, double half, double target, Check &check);
+  bool check_parts(const Part &p, const Part &q, const PairMotion &motion, double target,
+                   Check &check);
   SweepResult check_interval(double cutoff, double least);
   bool prove(const Interval &interval, double target, Check &check);
 

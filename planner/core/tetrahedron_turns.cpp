@@ -129,7 +129,7 @@ double turning_gap(const Cell &moving, const Cell &resting, const Hull &hull, do
       turned(1, k) = c * frame_a(1, k) - s * frame_a(2, k);
       turned(2, k) = s * frame_a(1, k) + c * frame_a(2, k);
     }
-    double apart = solid.separation(gap, turned, frame_b, least + rate * half).distance;
+    double apart = solid.separation(0, 0, gap, turned, frame_b, least + rate * half).distance;
     if (apart <= GAP_TOLERANCE) return 0.0;
     least = std::min(least, apart);
     if (apart - rate * half < least - GAP_TOLERANCE) {

@@ -223,7 +223,7 @@ def _keys(touching: Contacts, contact_rows: Ints) -> Ints:
     """Return (R,) keys that identify rays from frame to frame."""
     ray = np.arange(len(contact_rows)) - np.searchsorted(contact_rows, contact_rows)
     first, second = touching.first[contact_rows], touching.second[contact_rows]
-    return ((first << 20 | second + 1) << 12 | touching.feature[contact_rows] + 1 << 4) | ray
+    return ((first << 20 | second + 1) << 20 | touching.feature[contact_rows] + 1 << 4) | ray
 
 
 def _times(matrix: Columns, pushes: Array, count: int) -> Array:

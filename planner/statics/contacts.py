@@ -116,12 +116,16 @@ def solid_of(module: Module, module_size: float) -> FacetedHull:
         for p, q in zip(loop, loop[1:] + loop[:1], strict=True)
     }
     max_corners = max(len(loop) for loop in loops)
+    counts = len(module.vertices), len(loops), len(edges), len(module.edge_directions)
     return FacetedHull(
         vertices=np.ascontiguousarray(module.vertices * module_size),
         normals=np.array(normals),
         loops=np.array([loop + [-1] * (max_corners - len(loop)) for loop in loops], dtype=np.int64),
         edges=np.array(sorted(edges), dtype=np.int64),
         directions=np.array(module.edge_directions),
+        parts=np.array([[end for count in counts for end in (0, count)]], dtype=np.int64),
+        pieces=np.array([[0, 1]], dtype=np.int64),
+        kinds=np.zeros(1, dtype=np.int64),
         radius=module.radius * module_size,
     )
 
