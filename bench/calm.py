@@ -18,7 +18,7 @@ from rich.console import Console
 from bench.machine import processor_seconds
 from bench.sections import Section
 from bench.success_map.__main__ import path_of
-from foldback.planner.chain.module import CUBE
+from foldback.planner.chain.built_in_modules import CUBE
 from foldback.planner.chain.path import Path
 from foldback.planner.explosion.simultaneous import MAX_STRAIGHT_HINGE_RAD
 from foldback.planner.pipeline.request import FoldRequest

@@ -18,7 +18,7 @@ from bench.held_out_meshes import HELD_OUT
 from bench.meshes import MESHES, Mesh
 from bench.sections import Section
 from bench.thin_meshes import THIN, WALLS
-from foldback.planner.chain.module import TETRAHEDRON
+from foldback.planner.chain.built_in_modules import TETRAHEDRON
 from foldback.planner.errors import InputError
 from foldback.planner.path_fit.fill_fitted import fill_fitted
 from foldback.planner.path_fit.fill_trail import fill_with_trail

@@ -10,8 +10,8 @@ import numpy as np
 
 from bench.sections import Section
 from foldback.planner.arrays import Array
+from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import CUBE, TETRAHEDRON
 from foldback.planner.chain.path import Path
 from foldback.planner.clearance.sweep import sweep
 from foldback.planner.core import grow

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from foldback.cli.exit_statuses import NOT_ACHIEVED
 from foldback.planner.certificate.figures import FoldSummary
-from foldback.planner.chain.module import module_named
+from foldback.planner.chain.built_in_modules import module_named
 from foldback.planner.parameters.parameters import TURN_STRATEGIES
 from foldback.words import certificate as certificate_words
 from foldback.words.failures import timeline_reader

@@ -20,7 +20,7 @@ BEGIN, END = "<!-- components -->\n", "<!-- end of components -->\n"
 LAYERS: Final = (
     ("planner",),
     ("planner.storage",),
-    ("planner.core",),
+    ("planner.core", "planner.modules"),
     ("planner.chain",),
     ("planner.parameters", "planner.twist_chains"),
     ("planner.shapes", "planner.motion", "planner.simulation"),

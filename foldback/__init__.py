@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     from foldback.planner.certificate.certificate import Certificate, certify
     from foldback.planner.certificate.table_certificate import table_certificate
     from foldback.planner.certificate.table_figures import TableCertificate
+    from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
     from foldback.planner.chain.chain import Chain
     from foldback.planner.chain.kinematics import Poses, forward_kinematics
-    from foldback.planner.chain.module import CUBE, TETRAHEDRON, Module
+    from foldback.planner.chain.module import Module
     from foldback.planner.chain.path import Path
     from foldback.planner.errors import InputError, PlannerError, SimulationError, TimelineError
     from foldback.planner.explosion.simultaneous import explode

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, Final
 
 from foldback.planner.certificate.figures import Fault, FoldSummary
-from foldback.planner.chain.module import CUBE
+from foldback.planner.chain.built_in_modules import CUBE
 from foldback.planner.parameters.parameters import AUTO, FLOATING
 from foldback.planner.pipeline.preference import COMPUTING
 from foldback.planner.plan.rests import rest_frames

@@ -15,7 +15,7 @@ from foldback.planner.certificate.figures import (
     FoldSummary,
     PlaybackFigures,
 )
-from foldback.planner.chain.module import CUBE, MODULES
+from foldback.planner.chain.built_in_modules import CUBE, MODULES
 from foldback.planner.errors import UNREADABLE, TimelineError
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.parameters.explosion import (

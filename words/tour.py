@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final, Literal, NamedTuple
 
 from foldback.planner.certificate.figures import CertificateFigures
+from foldback.planner.chain.built_in_modules import CUBE
 from foldback.planner.chain.display_names import clean_name
-from foldback.planner.chain.module import CUBE
 from foldback.planner.plan.moments import CONTACT_LINKS, Meeting, Moments
 from foldback.planner.plan.tour import MAX_CAPTION, MAX_STOP_MODULES, MAX_TITLE, Stop, Tour
 from foldback.words.certificate import clearance, headline, label_of, main_rows, torque

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
 from foldback.planner.chain.close_points import first_close_pair
 from foldback.planner.chain.kinematics import Poses, forward_kinematics
-from foldback.planner.chain.module import CUBE, TETRAHEDRON, IndexT, Module
+from foldback.planner.chain.module import IndexT, Module
 from foldback.planner.chain.path import (
     DEFAULT_PITCH_M,
     MIN_CELLS,

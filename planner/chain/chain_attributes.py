@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from foldback.planner.chain.built_in_modules import module_of, module_value
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import module_named
 from foldback.planner.storage.plain_values import from_plain
 
 
@@ -16,7 +16,7 @@ def chain_attributes(chain: Chain) -> dict[str, Any]:
     """Return the description of a chain in a timeline or plan, as plain JSON values."""
     return {
         "name": chain.name,
-        "module": chain.module.name,
+        "module": module_value(chain.module),
         "modules": len(chain),
         "pitch_m": chain.pitch_m,
         "root": chain.root,
@@ -32,7 +32,7 @@ class _ChainValues:
     """Values that are read of those that ``chain_attributes`` returns."""
 
     name: str
-    module: str
+    module: str | dict[str, Any]
     folded_rad: list[float]
     folded_position: tuple[float, float, float]
     folded_wxyz: tuple[float, float, float, float]
@@ -44,12 +44,12 @@ def chain_from_attributes(attributes: Any) -> Chain:
 
     Raises:
         ValueError: A value is missing, or has another type.
-        InputError: ``unknown-module``.
+        InputError: The module is unknown, or its description is not valid.
     """
     values = from_plain(attributes, _ChainValues)
     return Chain(
         name=values.name,
-        module=module_named(values.module),
+        module=module_of(values.module),
         folded_rad=np.array(values.folded_rad, dtype=np.float64),
         folded_position=np.array(values.folded_position, dtype=np.float64),
         folded_wxyz=np.array(values.folded_wxyz, dtype=np.float64),

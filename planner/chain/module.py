@@ -1,16 +1,17 @@
-"""Modules: one polyhedron with its joint frames. Geometry is data, not code."""
+"""Modules: rigid pieces with their joints. Geometry is data, not code."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Final, Literal, TypeVar
+from typing import Any, Final, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
 from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.polyhedron import Polyhedron, frozen
+from foldback.planner.chain.rotations import axis_rotation
 from foldback.planner.core.structures import Hull, Joint
-from foldback.planner.errors import InputError
 
 DEFAULT_MODULE_SIZE: Final = 0.95
 """Default size at which the clearance of modules is checked, as a fraction of the pitch."""
@@ -32,12 +33,6 @@ be removed so that linked modules can turn), to compute its volume."""
 IndexT = TypeVar("IndexT", int, Ints)
 
 
-def _frozen(values: object) -> Array:
-    array = np.array(values, dtype=np.float64)
-    array.setflags(write=False)
-    return array
-
-
 def _largest_projection(along: Array, across: Array, limit: float) -> Array:
     """Return the largest of along · cos t + across · sin t over all |t| ≤ limit."""
     bent = along * np.cos(limit) + np.abs(across) * np.sin(limit)
@@ -45,58 +40,269 @@ def _largest_projection(along: Array, across: Array, limit: float) -> Array:
     return np.where(within, np.hypot(along, across), bent)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Module:
-    """One kind of module and the joint that ties it to the next.
-
-    The pose of module ``i + 1`` follows from that of module ``i`` (lengths in pitches):
-
-        T[i+1] = T[i] · Trans(anchor) · Rot(axis_1, q_1) … Rot(axis_K, q_K) · turn · Trans(offset)
+@dataclass(frozen=True)
+class ModuleWords:
+    """What people call a module.
 
     Attributes:
-        name: ``cube`` or ``tetrahedron``.
-        vertices: (V, 3) corners of the full-size hull, in the module's frame.
-        face_normals: (A, 3) unit normals of the hull's faces, one of each parallel pair.
-        edge_directions: (E, 3) unit directions of the hull's edges, one of each parallel set.
-        anchor: (3,) centre of the outgoing joint in this module's frame.
-        axes: (K, 3) hinge axes of the joint, outermost (nearest this module) first.
-        turn: (3, 3) fixed rotation from the joint's frame to the next module's frame.
-        offset: (3,) centre of the next module seen from the joint, in the next module's frame.
-        hinge_names: K suffixes for the hinges, in the order of ``axes``.
-        rigid_links: Number of links at the start of a chain without a joint.
-        angle_limit_rad: Maximum angle of each hinge, either way.
-        stop_rad: Angle of the stops of a simulated explosion; they give a little, and recorded
-            angles are to stay within the limit.
-        volume: Volume of the full-size hull, in cubic pitches.
-        inertia: (3,) principal moments of the full-size hull with mass 1, along the frame's axes.
-        apart: Modules fewer links apart than this may lie in one another by the joint's nature.
-        fills_cell: True if a folded module fills one cell of the cubic lattice.
-        geom: Shape of the hull in simulations: ``box`` or the convex ``mesh`` of its corners.
+        singular: Of one module, for example "cube".
+        plural: Of several, for example "cubes".
+    """
+
+    singular: str
+    plural: str
+
+    def counted(self, count: int) -> str:
+        """Return a number of modules, for example "1 cube"."""
+        return f"{count} {self.singular if count == 1 else self.plural}"
+
+
+Filling = Literal["cells", "rings", "half-cells"]
+"""How folded modules fill space: one cube in each cell of the cubic lattice (``cells``), rings of
+six tetrahedra in each cell (``rings``), or two prisms in each cell (``half-cells``)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Piece:
+    """A rigid body of a chain and the joint behind it, in a frame at its centre of mass.
+
+    The axes of the frame are principal axes of inertia. Lengths are in pitches.
+
+    Attributes:
+        name: Name within its module.
+        parts: Convex bodies that it consists of.
+        volume: Volume of the parts, in cubic pitches.
+        inertia: (3,) principal moments with mass 1, along the frame's axes.
+        entry: (3,) centre of the joint before it.
+        entry_axes: (3, 3) axes of the frame of that joint, as columns, at angle zero.
+        exit: (3,) centre of the joint behind it.
+        exit_axes: (3, 3) axes of the frame of that joint, as columns.
+        axes: (K, 3) hinge axes of the joint behind it, outermost (nearest this piece) first.
+        ranges_rad: (K, 2) smallest and largest angle of each hinge, infinite if it turns freely.
+        stops_rad: (K, 2) angles of the stops of a simulated explosion; they give a little, and
+            recorded angles are to stay within the ranges.
+        step_rad: Angle by which the joint turns in one step, or None.
     """
 
     name: str
-    vertices: Array
-    face_normals: Array
-    edge_directions: Array
+    parts: tuple[Polyhedron, ...]
+    volume: float
+    inertia: Array
+    entry: Array
+    entry_axes: Array
+    exit: Array
+    exit_axes: Array
+    axes: Array
+    ranges_rad: Array
+    stops_rad: Array
+    step_rad: float | None
+
+    @cached_property
+    def corners(self) -> Array:
+        """(V, 3) corners of all parts."""
+        return frozen(np.concatenate([part.corners for part in self.parts]))
+
+    @cached_property
+    def radius(self) -> float:
+        """Distance from the centre to the farthest corner, in pitches."""
+        return float(np.linalg.norm(self.corners, axis=1).max())
+
+    @cached_property
+    def inner_radius(self) -> float:
+        """Radius of the largest ball about the centre within one part, in pitches; 0 for none."""
+        return max(0.0, *(_inner_radius(part) for part in self.parts))
+
+    @cached_property
+    def is_box(self) -> bool:
+        """True for one box along the axes of the frame, about its centre."""
+        part = self.parts[0]
+        return (
+            len(self.parts) == 1
+            and len(part.corners) == 8
+            and np.array_equal(np.abs(part.corners), np.abs(part.corners[:1]).repeat(8, axis=0))
+            and np.array_equal(part.face_normals, np.eye(3))
+        )
+
+
+def _inner_radius(part: Polyhedron) -> float:
+    heights = part.corners @ part.face_normals.T
+    return float(np.minimum(heights.max(axis=0), -heights.min(axis=0)).min())
+
+
+class Link(NamedTuple):
+    """Link between two modules of a chain; see ``Module``.
+
+    Attributes:
+        anchor: (3,) centre of the joint in the frame of the module before it.
+        axes: (K, 3) hinge axes, outermost first, in that frame.
+        turn: (3, 3) fixed rotation from the joint's frame to the next module's frame.
+        offset: (3,) centre of the next module seen from the joint, in the next module's frame.
+    """
+
     anchor: Array
     axes: Array
     turn: Array
     offset: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Module:
+    """One kind of module: its pieces and how they follow each other in a chain.
+
+    Module ``i`` of a chain is the piece ``pattern[i % len(pattern)]``. The pose of module ``i + 1``
+    follows from that of module ``i`` (lengths in pitches), with the anchor, axes, turn and offset
+    of the link between their pieces:
+
+        T[i+1] = T[i] · Trans(anchor) · Rot(axis_1, q_1) … Rot(axis_K, q_K) · turn · Trans(offset)
+
+    The anchor is the exit of the piece before, the offset minus the entry of the piece behind, and
+    the turn lays the entry's axes over the exit's.
+
+    Attributes:
+        name: Name for programs, for example ``cube``.
+        words: What people call it.
+        filling: How folded modules fill space; None if they do not.
+        pieces: Its kinds of pieces.
+        pattern: Piece of each module of a period.
+        rest_rad: (period,) angle of the joint behind each module of a period in the rest shape,
+            at which hinge angles are zero; None if each is zero.
+        hinge_names: K suffixes for the hinges of a joint, in the order of their axes.
+        rigid_links: Number of links at the start of a chain without a joint.
+        apart: Modules fewer links apart than this may lie in one another by the joint's nature.
+        mass_kg, torque_nm, speed_rad_s, pitch_m: Of the real robot, where known.
+        colours: Colours of successive modules in pictures without other colours, in turn.
+        document: The ``foldback-module/1`` file that describes it.
+    """
+
+    name: str
+    words: ModuleWords
+    filling: Filling | None
+    pieces: tuple[Piece, ...]
+    pattern: tuple[int, ...]
+    rest_rad: Array | None
     hinge_names: tuple[str, ...]
     rigid_links: int
-    angle_limit_rad: float
-    stop_rad: float
-    volume: float
-    inertia: Array
     apart: int
-    fills_cell: bool
-    geom: Literal["box", "mesh"]
+    mass_kg: float | None
+    torque_nm: float | None
+    speed_rad_s: float | None
+    pitch_m: float | None
+    colours: tuple[str, ...]
+    document: dict[str, Any]
+
+    def piece(self, module: int) -> Piece:
+        """Return the piece of a module of a chain."""
+        return self.pieces[self.pattern[module % len(self.pattern)]]
+
+    @cached_property
+    def piece_numbers(self) -> Ints:
+        """(period,) numbers of the pieces of a period."""
+        return np.array(self.pattern, dtype=np.int64)
+
+    def link(self, module: int) -> Link:
+        """Return the link between a module of a chain and the next one."""
+        before, behind = self.piece(module), self.piece(module + 1)
+        turn = before.exit_axes @ behind.entry_axes.T
+        if self.rest_rad is not None:
+            rest = float(self.rest_rad[module % len(self.pattern)])
+            turn = axis_rotation(before.axes[0], rest) @ turn
+        return Link(before.exit, before.axes, frozen(turn + 0.0), frozen(0.0 - behind.entry))
+
+    @cached_property
+    def ranges_rad(self) -> Array:
+        """(period, K, 2) range of each hinge of a period, infinite where it turns freely."""
+        return self._relative_to_rest([self.pieces[k].ranges_rad for k in self.pattern])
+
+    @cached_property
+    def stops_rad(self) -> Array:
+        """(period, K, 2) stops of each hinge of a period in a simulated explosion."""
+        return self._relative_to_rest([self.pieces[k].stops_rad for k in self.pattern])
+
+    def _relative_to_rest(self, ranges: list[Array]) -> Array:
+        rest = np.zeros(len(ranges)) if self.rest_rad is None else self.rest_rad
+        return frozen(np.array(ranges) - rest[:, None, None])
+
+    @cached_property
+    def volume(self) -> float:
+        """Mean volume of a period's pieces, in cubic pitches."""
+        return float(np.mean([self.pieces[k].volume for k in self.pattern]))
+
+    def masses(self, modules: int) -> Array:
+        """Return the (modules,) masses of a chain's modules, in mean masses of a period."""
+        volumes = np.array([self.pieces[k].volume for k in self.pattern]) / self.volume
+        return np.resize(volumes, modules)
+
+    @cached_property
+    def radius(self) -> float:
+        """Distance from the centre of any piece to its farthest corner, in pitches."""
+        return max(piece.radius for piece in self.pieces)
 
     @cached_property
     def inner_radius(self) -> float:
-        """Radius of the ball about the centre that fits into the hull, in pitches."""
-        reach = self.vertices @ self.face_normals.T
-        return float(np.minimum(reach.max(axis=0), -reach.min(axis=0)).min())
+        """Radius of the ball about its centre that fits into each piece, in pitches."""
+        return min(piece.inner_radius for piece in self.pieces)
+
+    # Of modules of one piece with one part.
+
+    @property
+    def vertices(self) -> Array:
+        """(V, 3) corners of the full-size hull, in the module's frame."""
+        return self.pieces[0].corners
+
+    @property
+    def face_normals(self) -> Array:
+        """(A, 3) unit normals of the hull's faces, one of each parallel pair."""
+        return self.pieces[0].parts[0].face_normals
+
+    @property
+    def edge_directions(self) -> Array:
+        """(E, 3) unit directions of the hull's edges, one of each parallel set."""
+        return self.pieces[0].parts[0].edge_directions
+
+    @cached_property
+    def anchor(self) -> Array:
+        """(3,) centre of the outgoing joint in this module's frame."""
+        return self.link(0).anchor
+
+    @cached_property
+    def axes(self) -> Array:
+        """(K, 3) hinge axes of the joint, outermost (nearest this module) first."""
+        return self.link(0).axes
+
+    @cached_property
+    def turn(self) -> Array:
+        """(3, 3) fixed rotation from the joint's frame to the next module's frame."""
+        return self.link(0).turn
+
+    @cached_property
+    def offset(self) -> Array:
+        """(3,) centre of the next module seen from the joint, in the next module's frame."""
+        return self.link(0).offset
+
+    @property
+    def inertia(self) -> Array:
+        """(3,) principal moments of the full-size hull with mass 1, along the frame's axes."""
+        return self.pieces[0].inertia
+
+    @property
+    def angle_limit_rad(self) -> float:
+        """Maximum angle of each hinge, either way."""
+        return float(np.abs(self.ranges_rad).max())
+
+    @property
+    def stop_rad(self) -> float:
+        """Angle of the stops of a simulated explosion."""
+        return float(np.abs(self.stops_rad).max())
+
+    @property
+    def fills_cell(self) -> bool:
+        """True if a folded module fills one cell of the cubic lattice."""
+        return self.filling == "cells"
+
+    @property
+    def geom(self) -> Literal["box", "mesh"]:
+        """Shape of the hull in simulations: ``box`` or the convex ``mesh`` of its corners."""
+        return "box" if self.pieces[0].is_box else "mesh"
 
     @cached_property
     def joint(self) -> Joint:
@@ -142,11 +348,6 @@ class Module:
     def joint_after(self, module: IndexT) -> IndexT:
         """Return the joint between a module and the next; negative if that link is rigid."""
         return module - self.rigid_links
-
-    @cached_property
-    def radius(self) -> float:
-        """Distance from the centre to the farthest corner, in pitches."""
-        return float(np.linalg.norm(self.vertices, axis=1).max())
 
     def exempt_pairs(self, modules: int) -> tuple[tuple[int, int], ...]:
         """The pairs of a chain of so many modules that may lie in one another, (i, j) with i < j.
@@ -234,76 +435,3 @@ def _relief_share(module: Module, module_size: float) -> float:
     extents = (hull @ module.face_normals.T).max(axis=0)
     points = points[(np.abs(points @ module.face_normals.T) <= extents).all(axis=1)]
     return round(float((module.reach(points) > radius).mean()), 3)
-
-
-CUBE: Final = Module(
-    name="cube",
-    vertices=_frozen([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]),
-    face_normals=_frozen(np.eye(3)),
-    edge_directions=_frozen(np.eye(3)),
-    anchor=_frozen([0.0, 0.0, 0.0]),
-    axes=_frozen([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]),
-    turn=_frozen(np.eye(3)),
-    offset=_frozen([1.0, 0.0, 0.0]),
-    hinge_names=("z", "y"),
-    rigid_links=1,
-    angle_limit_rad=float(np.deg2rad(92.0)),
-    stop_rad=float(np.deg2rad(92.0)),
-    volume=1.0,
-    inertia=_frozen([1.0 / 6.0, 1.0 / 6.0, 1.0 / 6.0]),
-    apart=2,
-    fills_cell=True,
-    geom="box",
-)
-"""Cubic module: a universal joint (hinge about z, then about y) at each cube's centre, and links of
-one pitch to the next cube."""
-
-_SIDE: Final = np.sqrt(0.5)
-_SLANT: Final = np.sqrt(1.0 / 3.0)
-TETRAHEDRON: Final = Module(
-    name="tetrahedron",
-    vertices=_frozen([(-0.5, -1, 0), (-0.5, 1, 0), (0.5, 0, -1), (0.5, 0, 1)]),
-    face_normals=_frozen(
-        [(-_SIDE, 0, _SIDE), (-_SIDE, 0, -_SIDE), (_SIDE, _SIDE, 0), (_SIDE, -_SIDE, 0)]
-    ),
-    edge_directions=_frozen(
-        [
-            (0, 1, 0),
-            (0, 0, 1),
-            *((_SLANT, y, z) for y in (-_SLANT, _SLANT) for z in (-_SLANT, _SLANT)),
-        ]
-    ),
-    anchor=_frozen([0.5, 0.0, 0.0]),
-    axes=_frozen([[0.0, 0.0, 1.0]]),
-    turn=_frozen([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
-    offset=_frozen([0.5, 0.0, 0.0]),
-    hinge_names=("",),
-    rigid_links=0,
-    angle_limit_rad=float(np.deg2rad(90.85)),
-    stop_rad=float(np.deg2rad(90.25)),
-    volume=2.0 / 3.0,
-    inertia=_frozen([0.2, 0.15, 0.15]),
-    apart=1,
-    fills_cell=False,
-    geom="mesh",
-)
-"""Tetrahedral module (right-angle tetrahedron, or tetragonal disphenoid), hinged to its neighbours
-along its two long edges of two pitches; the other edges have √3 pitches. The middles of its hinges
-are one pitch apart. Neighbours lie face to face at ±90°, so a hinge turns hardly farther."""
-
-MODULES: Final[dict[str, Module]] = {module.name: module for module in (CUBE, TETRAHEDRON)}
-
-
-def module_named(name: str) -> Module:
-    """The module of that name.
-
-    Raises:
-        InputError: ``unknown-module`` when there is none.
-    """
-    try:
-        return MODULES[name]
-    except KeyError:
-        known_names = ", ".join(sorted(MODULES))
-        raise InputError(
-            "unknown-module", f"got the module type {name!r}, expected one of: {known_names}."
-        ) from None

@@ -52,6 +52,14 @@ def wxyz_from_matrix(matrix: Array) -> Array:
     return rows / np.where(rows[..., :1] < 0, -length, length)
 
 
+def axis_rotation(axis: Array, angle_rad: float) -> Array:
+    """Return the (3, 3) rotation by an angle about a unit axis: Rodrigues' formula."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    s, c = np.sin(angle_rad), 1.0 - np.cos(angle_rad)
+    return np.eye(3) + s * cross + c * (cross @ cross)
+
+
 def orthonormalised(matrix: Array) -> Array:
     """Return (..., 3, 3) rotations with columns orthonormal up to the rounding of a few operations.
 

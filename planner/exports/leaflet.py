@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from foldback.planner.chain.module import CUBE
+from foldback.planner.chain.built_in_modules import CUBE
 from foldback.planner.errors import InputError
 from foldback.planner.exports.export import export_name, require_frames
 from foldback.planner.exports.step_drawing import (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final, Protocol
 
-from foldback.planner.chain.module import CUBE, TETRAHEDRON
+from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
 from foldback.planner.pathfinding.fill_cubes import Cubes
 from foldback.planner.pathfinding.fill_tetrahedra import Tetrahedra
 from foldback.planner.pathfinding.filled_shape import FilledShape

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any, Final, Self
 
-from foldback.planner.chain.module import CUBE, TETRAHEDRON
+from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
 from foldback.planner.parameters.option import Choice, Choices, option, options_of
 from foldback.planner.parameters.parameters import FLOATING, WORLD_CHOICES, World
 from foldback.planner.parameters.settings_text import TABLE_SETTINGS, names_with_units

@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 
 from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.chain.built_in_modules import TETRAHEDRON
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.honeycomb import tetrahedra_at
-from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.errors import checked_fraction
 from foldback.planner.shapes.inside_points import InsidePoints
 from foldback.planner.shapes.likeness import Likeness

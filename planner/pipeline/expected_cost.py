@@ -11,7 +11,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import Final
 
-from foldback.planner.chain.module import Module, module_named
+from foldback.planner.chain.built_in_modules import module_named
+from foldback.planner.chain.module import Module
 from foldback.planner.explosion.strategy_cost import COSTS_IN_LAYERS, COSTS_INTERLOCKED
 from foldback.planner.parameters.explosion import MUJOCO
 from foldback.planner.parameters.parameters import FLOATING, Parameters

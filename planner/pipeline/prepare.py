@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 import numpy as np
 
 from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import CUBE, LONG_CHAIN, TETRAHEDRON
+from foldback.planner.chain.module import LONG_CHAIN
 from foldback.planner.chain.path import Path
 from foldback.planner.errors import InputError
 from foldback.planner.pathfinding import PATH_METHODS

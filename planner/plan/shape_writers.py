@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from foldback.planner.chain.built_in_modules import module_value
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.path import Path
 from foldback.planner.readers.json_formats import CHAIN_FORMAT, PATH_FORMAT, VOXELS_FORMAT
@@ -46,7 +47,7 @@ def write_chain(
         head["title"] = title
     if tags is not None:
         head["tags"] = list(tags)
-    head["module"] = chain.module.name
+    head["module"] = module_value(chain.module)
     head["pitch_m"] = chain.pitch_m
     head["first_position"] = chain.folded_position.tolist()
     head["first_wxyz"] = chain.folded_wxyz.tolist()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from foldback.planner.chain.module import CUBE, Module
+from foldback.planner.chain.built_in_modules import CUBE
+from foldback.planner.chain.module import Module
 from foldback.planner.plan.steps import Modules, Step, Turn
 
 

@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
+from foldback.planner.chain.built_in_modules import TETRAHEDRON
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.errors import InputError
 from foldback.planner.readers.limits import MAX_CELLS, quote, too_many
 from foldback.planner.readers.text import numbered_lines

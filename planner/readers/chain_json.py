@@ -7,8 +7,9 @@ from typing import Any, Final, cast
 import numpy as np
 
 from foldback.planner.arrays import Array
+from foldback.planner.chain.built_in_modules import module_of
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import Module, module_named
+from foldback.planner.chain.module import Module
 from foldback.planner.chain.path import MAX_COORDINATE
 from foldback.planner.errors import InputError
 from foldback.planner.readers.limits import Source, described, quote, too_many
@@ -28,9 +29,13 @@ def read_chain(document: dict[str, Any], source: Source) -> Chain:
     """
     refuse_unread_keys(document, CHAIN_KEYS)
     kind = document.get("module", "cube")
-    if not isinstance(kind, str):
-        raise InputError("wrong-type", f"got {described(kind)}, expected text.", where="module")
-    module = module_named(quote(kind))
+    if not isinstance(kind, str | dict):
+        raise InputError(
+            "wrong-type",
+            f"got {described(kind)}, expected the name of a module or its description.",
+            where="module",
+        )
+    module = module_of(quote(kind) if isinstance(kind, str) else cast("dict[str, Any]", kind))
     angles_deg = _angles(document, module, source)
     _refuse_radians(angles_deg)
     _refuse_turns(angles_deg)

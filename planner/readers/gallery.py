@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
-from foldback.planner.chain.module import CUBE, module_named
+from foldback.planner.chain.built_in_modules import CUBE, module_named
 from foldback.planner.errors import InputError
 
 MAX_LISTED_EXAMPLES: Final = 6

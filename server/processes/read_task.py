@@ -14,8 +14,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from foldback.planner.chain.built_in_modules import CUBE
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import CUBE
 from foldback.planner.chain.path import Path as CellPath
 from foldback.planner.pipeline.request import FoldRequest, PreviewRequest
 from foldback.planner.playback.unfolding import check_fits

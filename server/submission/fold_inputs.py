@@ -12,8 +12,8 @@ from typing import Annotated, Any, BinaryIO, Final
 
 from fastapi import File, Form, UploadFile
 
+from foldback.planner.chain.built_in_modules import CUBE
 from foldback.planner.chain.display_names import clean_name
-from foldback.planner.chain.module import CUBE
 from foldback.planner.pathfinding.path_options import PathOptions
 from foldback.planner.pipeline.request import FoldRequest, PreviewRequest
 from foldback.planner.readers.formats import MESH_SUFFIXES

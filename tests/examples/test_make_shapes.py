@@ -6,8 +6,8 @@ import pytest
 from examples import make_tetrahedra
 from examples.make_gallery import drawings
 from examples.make_shapes import DRAWINGS, SHAPES, make, merged_blocks, snake
+from foldback.planner.chain.built_in_modules import TETRAHEDRON
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.chain.path import Path
 from foldback.planner.readers import read
 from foldback.planner.readers.gallery import gallery

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from foldback.planner.chain.built_in_modules import TETRAHEDRON
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.timeline import TimelineWriter
 from foldback.planner.pathfinding.snake import snake_path

@@ -11,8 +11,8 @@ import pytest
 from bench.clearance.forgeries import certainly_false
 from foldback import foldback_check
 from foldback.planner.certificate.frame_figures import clearances_of
+from foldback.planner.chain.built_in_modules import module_named
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import MODULES
 from tests.case import case
 from tests.planner.peels import snake
 from tests.planner.verification import strange_plans
@@ -85,7 +85,7 @@ def sample(plan: foldback_check.Plan, frames: Iterable[float]) -> tuple[Chain, n
     low = np.minimum(np.floor(list(frames)).astype(int), plan.frames - 1)
     high = np.minimum(low + 1, plan.frames - 1)
     share = (np.array(list(frames)) - low)[:, None]
-    chain = Chain.from_angles(MODULES[plan.kind], plan.folded[plan.pad :])
+    chain = Chain.from_angles(module_named(plan.kind), plan.folded[plan.pad :])
     return chain, ends[low] + share * (ends[high] - ends[low])
 
 

@@ -18,10 +18,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from foldback.planner.chain.built_in_modules import TETRAHEDRON
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.chain_attributes import chain_from_attributes
 from foldback.planner.chain.kinematics import Poses, forward_kinematics
-from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.chain.path import Path as CellPath
 from foldback.planner.chain.rotations import matrix_from_wxyz
 from foldback.planner.errors import InputError

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from foldback.planner.chain.module import CUBE
+from foldback.planner.chain.built_in_modules import CUBE
 from foldback.web.palette import (
     MAX_ERROR_RGB,
     NO_ERROR_RGB,

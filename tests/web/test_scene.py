@@ -14,8 +14,8 @@ import pytest
 import viser
 from viser import _messages as messages
 
+from foldback.planner.chain.built_in_modules import TETRAHEDRON
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.chain.rotations import matrix_from_wxyz
 from foldback.web.palette import MAX_ERROR_RGB, NO_ERROR_RGB, UNKNOWN_ERROR_RGB
 from foldback.web.pictures.camera import framing

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from foldback.planner.chain.module import CUBE, module_named
+from foldback.planner.chain.built_in_modules import CUBE, module_named
 from foldback.planner.chain.rotations import matrix_from_wxyz
 from foldback.web.pictures.isometric import isometric_svg
 from foldback.web.pictures.isometric_modules import modules_svg

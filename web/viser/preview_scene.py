@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from foldback.planner.chain.module import CUBE, Module, module_named
+from foldback.planner.chain.built_in_modules import CUBE, module_named
+from foldback.planner.chain.module import Module
 from foldback.web.palette import (
     MAX_ERROR_RGB,
     NO_ERROR_RGB,

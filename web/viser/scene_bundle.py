@@ -19,8 +19,8 @@ import zstandard
 from cachetools import LRUCache, cached
 from numpy.typing import NDArray
 
+from foldback.planner.chain.built_in_modules import CUBE
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import CUBE
 from foldback.planner.chain.rotations import wxyz_from_matrix
 from foldback.web.palette import (
     FIRST_MODULE_RGB,

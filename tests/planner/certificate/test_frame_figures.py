@@ -10,10 +10,10 @@ from foldback.planner.certificate.certificate import Certificate
 from foldback.planner.certificate.figures_store import CLEARANCE_REACH_PITCH, Curves, Figures
 from foldback.planner.certificate.frame_figures import clearances_of, write_figures
 from foldback.planner.certificate.plan_figures import torque_unit_nm
+from foldback.planner.chain.built_in_modules import TETRAHEDRON
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.floating_torques import floating_torques, spline_derivatives
 from foldback.planner.chain.kinematics import forward_kinematics
-from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.clearance.sweep import pair_clearance, sweep
 from foldback.planner.errors import TimelineError
 from foldback.planner.motion.motion import Phase

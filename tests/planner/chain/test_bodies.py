@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
 from foldback.planner.chain.kinematics import forward_kinematics
-from foldback.planner.chain.module import CUBE, TETRAHEDRON, Module
+from foldback.planner.chain.module import Module
 from foldback.planner.core import (
     BODY_COLUMNS,
     DISPLACEMENT_BOUND,

@@ -3,10 +3,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.close_points import first_close_pair
 from foldback.planner.chain.kinematics import forward_kinematics
-from foldback.planner.chain.module import CUBE, TETRAHEDRON, Module
+from foldback.planner.chain.module import Module
 from foldback.planner.chain.path import MAX_COORDINATE, Path
 from foldback.planner.chain.rotations import matrix_from_wxyz
 from foldback.planner.errors import InputError

@@ -2,6 +2,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from foldback.planner.chain.built_in_modules import TETRAHEDRON
 from foldback.planner.chain.cantilever_statics import static_torque
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.floating_torques import (
@@ -9,7 +10,6 @@ from foldback.planner.chain.floating_torques import (
     path_torques,
     spline_derivatives,
 )
-from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.simulation.mujoco_models import Material, tree_spec
 from foldback.planner.simulation.mujoco_tree import Tree
 from tests.planner.chains import coil, line, random_angles

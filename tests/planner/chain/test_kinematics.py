@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
+from foldback.planner.chain.built_in_modules import CUBE
 from foldback.planner.chain.kinematics import forward_kinematics
-from foldback.planner.chain.module import CUBE
 from foldback.planner.chain.rotations import (
     aligned_distances,
     matrix_from_wxyz,

@@ -4,9 +4,9 @@ from hypothesis import given
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from foldback.planner.chain.built_in_modules import TETRAHEDRON
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.honeycomb import dodecahedron_pairs, ring_pairs
-from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.chain.trail import Trail, hinge_axes
 from foldback.planner.clearance.clearance import closest
 from foldback.planner.errors import InputError

@@ -3,8 +3,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import CUBE, TETRAHEDRON, Module
+from foldback.planner.chain.module import Module
 from foldback.planner.clearance.exempt_pairs import exempt_pairs
 from foldback.planner.exports.mjcf import mjcf
 from tests.planner.chains import anchored, coil, line

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import forward_kinematics
-from foldback.planner.chain.module import CUBE, TETRAHEDRON, Module
+from foldback.planner.chain.module import Module
 from foldback.planner.clearance.margins import (
     FAILURE_PROBABILITY,
     Margin,

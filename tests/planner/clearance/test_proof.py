@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import CUBE, TETRAHEDRON, Module
+from foldback.planner.chain.module import Module
 from foldback.planner.clearance.sweep import CLEARANCE_CAP, EXTENDED_CLEARANCE_CAP, sweep
 from foldback.planner.motion.motion import Motion, as_motion
 from tests.conftest import examples

@@ -5,8 +5,8 @@ from typing import Final
 import numpy as np
 import pytest
 
+from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import CUBE, TETRAHEDRON
 from foldback.planner.clearance.rounding_errors import BERNSTEIN_NORM, clearance_rounding
 from foldback.planner.clearance.sweep import windows_shape
 from foldback.planner.core import ROTATION, VELOCITY

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from foldback.planner.certificate.certificate import certify
+from foldback.planner.chain.built_in_modules import TETRAHEDRON
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.clearance.sweep import sweep
 from foldback.planner.errors import InputError
 from foldback.planner.explosion.simultaneous import explode

@@ -10,8 +10,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from foldback.planner.chain.built_in_modules import CUBE
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import CUBE
 from foldback.planner.errors import InputError
 from foldback.planner.exports import leaflet
 from foldback.planner.exports.formats import export_named

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from foldback.planner.chain.built_in_modules import TETRAHEDRON
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.honeycomb import TETRAHEDRA_PER_RING
-from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.chain.path import Path
 from foldback.planner.clearance.margins import largest_size
 from foldback.planner.clearance.sweep import sweep

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from foldback.planner.chain.built_in_modules import CUBE
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import CUBE
 from foldback.planner.errors import InputError
 from foldback.planner.motion.record import Record
 from foldback.planner.pipeline.attempt import Attempt, AttemptSpec

@@ -10,8 +10,8 @@ import pygltflib
 import pytest
 from scipy.spatial.transform import Rotation
 
+from foldback.planner.chain.built_in_modules import CUBE
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import CUBE
 from foldback.planner.errors import InputError
 from foldback.planner.exports.formats import export_named
 from foldback.planner.plan.plan import Plan

@@ -9,8 +9,8 @@ import pytest
 
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.certificate.certificate import Certificate, certify
+from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import CUBE, TETRAHEDRON
 from foldback.planner.core import robot_steps
 from foldback.planner.core.structures import (
     ModuleStates,

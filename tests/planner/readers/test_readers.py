@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.display_names import MAX_NAME_LENGTH
-from foldback.planner.chain.module import CUBE, TETRAHEDRON
 from foldback.planner.chain.path import Path
 from foldback.planner.errors import InputError
 from foldback.planner.plan.shape_writers import write_chain, write_path

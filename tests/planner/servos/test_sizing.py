@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from foldback.planner.chain.module import CUBE
+from foldback.planner.chain.built_in_modules import CUBE
 from foldback.planner.errors import InputError
 from foldback.planner.servos.module_materials import CASINGS, Casing, casing_named
 from foldback.planner.servos.servos import Servo, servo_named, servos

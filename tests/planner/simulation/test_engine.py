@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from foldback.planner.chain.built_in_modules import TETRAHEDRON
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.chain.rotations import wxyz_from_matrix
 from foldback.planner.core.structures import Accelerations, Loads, Lumps
 from foldback.planner.simulation.contact_finder import ContactFinder

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import CUBE, TETRAHEDRON
 from foldback.planner.statics.contacts import FLOOR, MODULE_GAP, contacts
 from tests.planner.chains import chain_of, line
 from tests.planner.statics.standing import standing

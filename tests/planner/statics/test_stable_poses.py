@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from foldback.planner.chain.built_in_modules import TETRAHEDRON
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import forward_kinematics
-from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.statics.balance import Balance
 from foldback.planner.statics.stable_poses import resting_poses
 from tests.planner.chains import chain_of, coil, line, random_angles, random_rotation

@@ -7,8 +7,8 @@ import pytest
 
 from foldback import foldback_check
 from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.built_in_modules import TETRAHEDRON
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.clearance.sweep import sweep
 from foldback.planner.core import GAP_TOLERANCE, pair_separation, tetrahedron_turning_gap
 from foldback.planner.errors import InputError

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from foldback import foldback_check
+from foldback.planner.chain.built_in_modules import TETRAHEDRON
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import forward_kinematics
-from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.chain.path import Path
 from foldback.planner.chain.rotations import QUARTER_RAD
 from foldback.planner.clearance.sweep import sweep

@@ -15,8 +15,8 @@ import pytest
 
 from bench.clearance.forgeries import distance
 from foldback import foldback_check, foldback_check_refusals
+from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import CUBE, TETRAHEDRON
 from foldback.planner.clearance.sweep import sweep
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.pipeline.packed_fold import unpack

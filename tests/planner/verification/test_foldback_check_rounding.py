@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from foldback import foldback_check
-from foldback.planner.chain.module import TETRAHEDRON
+from foldback.planner.chain.built_in_modules import TETRAHEDRON
 from foldback.planner.clearance.rounding_errors import clearance_rounding
 from foldback.planner.parameters.parameters import Parameters
 from tests.planner.chains import unvalidated

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from foldback.planner.chain.module import CUBE, TETRAHEDRON
+from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
 from foldback.web.pictures.visible_modules import MAX_FULLY_DRAWN_MODULES, visible_modules
 
 BOX = np.stack(np.meshgrid(*[np.arange(20.0)] * 3), axis=-1).reshape(-1, 3)

@@ -1,0 +1,82 @@
+"""Modules that foldback ships, by name."""
+
+from __future__ import annotations
+
+import json
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any, Final
+
+from foldback.planner.chain.module import Module
+from foldback.planner.chain.module_file import read_module
+from foldback.planner.errors import InputError
+
+MODULE_NAMES: Final = ("cube", "tetrahedron", "snake-prism", "snake-cube")
+"""Names of the modules, the default one first."""
+
+
+@lru_cache(maxsize=len(MODULE_NAMES))
+def _module(name: str) -> Module:
+    text = files("foldback.planner.modules").joinpath(f"{name}.json").read_text(encoding="utf-8")
+    return read_module(json.loads(text))
+
+
+def module_named(name: str) -> Module:
+    """Return the module of that name.
+
+    Raises:
+        InputError: ``unknown-module`` when there is none.
+    """
+    if name not in MODULE_NAMES:
+        known_names = ", ".join(sorted(MODULE_NAMES))
+        raise InputError(
+            "unknown-module", f"got the module type {name!r}, expected one of: {known_names}."
+        )
+    return _module(name)
+
+
+def module_value(module: Module) -> str | dict[str, Any]:
+    """Return what files hold for a module: its name if foldback ships it, or its description."""
+    is_built_in = module.name in MODULE_NAMES and module is _module(module.name)
+    return module.name if is_built_in else module.document
+
+
+def module_of(value: str | dict[str, Any]) -> Module:
+    """Return the module that ``module_value`` stands for; equal descriptions give the same one.
+
+    Raises:
+        InputError: ``unknown-module`` or ``bad-module``; or ``name-taken`` where a description has
+            the name of a module that foldback ships, and differs in more than its pattern and rest
+            shape.
+    """
+    if isinstance(value, str):
+        return module_named(value)
+    return _described(json.dumps(value, sort_keys=True))
+
+
+@lru_cache(maxsize=64)
+def _described(text: str) -> Module:
+    module = read_module(json.loads(text))
+    if module.name in MODULE_NAMES and _lasting(module) != _lasting(_module(module.name)):
+        raise InputError(
+            "name-taken",
+            f"got a module with the name {module.name!r}, which another module has; give it "
+            "another name.",
+            where="name",
+        )
+    return module
+
+
+def _lasting(module: Module) -> dict[str, Any]:
+    """Return the description of a module without what differs from chain to chain."""
+    changing = ("pattern", "rest_deg")
+    return {key: value for key, value in module.document.items() if key not in changing}
+
+
+CUBE: Final = module_named("cube")
+"""Cubic module: a universal joint (hinge about z, then about y) at each cube's centre, and links of
+one pitch to the next cube."""
+TETRAHEDRON: Final = module_named("tetrahedron")
+"""Tetrahedral module (right-angle tetrahedron, or tetragonal disphenoid), hinged to its neighbours
+along its two long edges of two pitches; the other edges have √3 pitches. The middles of its hinges
+are one pitch apart. Neighbours lie face to face at ±90°, so a hinge turns hardly farther."""

@@ -1,0 +1,1 @@
+"""Modules that foldback ships, as ``foldback-module/1`` files."""
