@@ -15,7 +15,8 @@ from foldback.planner.certificate.figures import (
     FoldSummary,
     PlaybackFigures,
 )
-from foldback.planner.chain.built_in_modules import CUBE, MODULES
+from foldback.planner.chain.built_in_modules import CUBE, MODULE_NAMES, module_named
+from foldback.planner.chain.module import Module
 from foldback.planner.errors import UNREADABLE, TimelineError
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.parameters.explosion import (
@@ -170,7 +171,7 @@ class _Fold:
 
     def certificate_rows(self) -> Rows:
         certificate = self.certificate
-        limit_rad = MODULES.get(self.row.module, CUBE).angle_limit_rad
+        limit_rad = _module(self.row.module).angle_limit_rad
         return [
             *certificate_words.further_rows(certificate),
             (certificate_words.label_of("exempt_pairs"), certificate_words.linked(certificate)),
@@ -265,7 +266,7 @@ def used_parameters(
 
 
 def _joints(row: ShownFold) -> int | None:
-    return MODULES.get(row.module, CUBE).joint_after(int(row.modules) - 1) if row.modules else None
+    return _module(row.module).joint_after(int(row.modules) - 1) if row.modules else None
 
 
 def _shown(rows: Rows) -> list[Property]:
@@ -318,3 +319,7 @@ def _simulated_at(path: Path, changed_ns: int) -> float | None:
         return float(timeline.frames(len(timeline) - 1).time_s[-1])
     except (TimelineError, *UNREADABLE):
         return None
+
+
+def _module(name: str) -> Module:
+    return module_named(name) if name in MODULE_NAMES else CUBE

@@ -312,14 +312,18 @@ class Module:
     @cached_property
     def hull(self) -> Hull:
         """The hull as kernels take it."""
-        counts = len(self.vertices), len(self.face_normals), len(self.edge_directions)
+        parts = [part for piece in self.pieces for part in piece.parts]
+        arrays = [(p.corners, p.face_normals, p.edge_directions) for p in parts]
+        vertices, normals, edges = (np.concatenate(column) for column in zip(*arrays, strict=True))
+        ends = np.cumsum([[0, 0, 0], *([len(a) for a in rows] for rows in arrays)], axis=0)
+        first = np.cumsum([0, *(len(piece.parts) for piece in self.pieces)])
         return Hull(
-            vertices=self.vertices,
-            normals=self.face_normals,
-            edges=self.edge_directions,
-            parts=np.array([[end for count in counts for end in (0, count)]], dtype=np.int64),
-            pieces=np.array([[0, 1]], dtype=np.int64),
-            kinds=np.zeros(1, dtype=np.int64),
+            vertices=frozen(vertices),
+            normals=frozen(normals),
+            edges=frozen(edges),
+            parts=np.stack([ends[:-1], ends[1:]], axis=2).reshape(-1, 6),
+            pieces=np.stack([first[:-1], first[1:]], axis=1),
+            kinds=self.piece_numbers,
             first=0,
             radius=self.radius,
         )
