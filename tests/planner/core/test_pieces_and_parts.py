@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from foldback.planner.arrays import Ints
+from foldback.planner.chain.built_in_modules import TETRAHEDRON
 from foldback.planner.chain.kinematics import forward_kinematics
-from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.core import (
     BODY_COLUMNS,
     least_separation,
