@@ -89,8 +89,8 @@ def _loops(corners: Array) -> tuple[tuple[int, ...], ...]:
         if all(sides):
             continue
         members = np.flatnonzero(np.abs(row) <= tolerance)
-        outward = normal if not sides[0] else -normal
-        loops.setdefault(frozenset(members.tolist()), _around(corners, members, outward))
+        if (face := frozenset(members.tolist())) not in loops:
+            loops[face] = _around(corners, members, normal if not sides[0] else -normal)
     return tuple(loops.values())
 
 
@@ -181,33 +181,38 @@ def volume_moments(parts: tuple[Polyhedron, ...]) -> VolumeMoments:
     ∫ xᵢ xⱼ dV = d/120 (Σ vᵢ vⱼ + sᵢ sⱼ) over its corners v with the sum s (Tonon, Explicit exact
     formulas for the 3-D tetrahedron inertia tensor, 2004).
     """
-    volume, first = Fraction(0), [Fraction(0)] * 3
-    second = [[Fraction(0)] * 3 for _ in range(3)]
+    # All corners as whole numbers of the same small unit, since sums of fractions are slow.
+    coordinates = [[float(x) for x in corner] for part in parts for corner in part.corners]
+    scale = max(x.as_integer_ratio()[1] for corner in coordinates for x in corner)
+    volume, first, second = 0, [0] * 3, [[0] * 3 for _ in range(3)]
     for part in parts:
-        exact = [[Fraction(float(x)) for x in corner] for corner in part.corners]
+        whole = [[int(Fraction(float(x)) * scale) for x in corner] for corner in part.corners]
         for loop in part.loops:
             for k in range(1, len(loop) - 1):
-                corners = exact[loop[0]], exact[loop[k]], exact[loop[k + 1]]
+                corners = whole[loop[0]], whole[loop[k]], whole[loop[k + 1]]
                 det = _determinant(*corners)
                 total = [sum(v[i] for v in corners) for i in range(3)]
-                volume += det / 6
+                volume += det
                 for i in range(3):
-                    first[i] += det * total[i] / 24
+                    first[i] += det * total[i]
                     for j in range(3):
                         square = sum(v[i] * v[j] for v in corners) + total[i] * total[j]
-                        second[i][j] += det * square / 120
-    centre = [value / volume for value in first]
-    spread = [[second[i][j] / volume - centre[i] * centre[j] for j in range(3)] for i in range(3)]
+                        second[i][j] += det * square
+    centre = [Fraction(value, 4 * volume * scale) for value in first]
+    spread = [
+        [Fraction(second[i][j], 20 * volume * scale**2) - centre[i] * centre[j] for j in range(3)]
+        for i in range(3)
+    ]
     trace = spread[0][0] + spread[1][1] + spread[2][2]
     inertia = [[(trace if i == j else 0) - spread[i][j] for j in range(3)] for i in range(3)]
     return VolumeMoments(
-        float(volume),
+        float(Fraction(volume, 6 * scale**3)),
         np.array([float(x) for x in centre]),
         np.array([[float(x) for x in row] for row in inertia]),
     )
 
 
-def _determinant(a: list[Fraction], b: list[Fraction], c: list[Fraction]) -> Fraction:
+def _determinant(a: list[int], b: list[int], c: list[int]) -> int:
     return (
         a[0] * (b[1] * c[2] - b[2] * c[1])
         - a[1] * (b[0] * c[2] - b[2] * c[0])
