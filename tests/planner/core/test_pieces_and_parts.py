@@ -50,8 +50,8 @@ PIECES: list[Pieces] = [((WEDGE,), ANGLE), (ANGLE, ROOF), (ANGLE,), ((ANGLE[0],)
 
 def ends(counts: list[int]) -> Ints:
     """Return the ends of each of consecutive ranges of so many items: from, up to."""
-    stops = np.cumsum(counts)
-    return np.stack([stops - counts, stops], axis=1)
+    stops: Ints = np.cumsum(counts, dtype=np.int64)
+    return np.stack([np.append(0, stops[:-1]), stops], axis=1)
 
 
 def hull_of(pieces: Pieces) -> Hull:
