@@ -74,6 +74,17 @@ def ramp_colours(shares: Array) -> NDArray[np.uint8]:
     )
 
 
+def own_colours(module: Module, modules: int) -> NDArray[np.uint8]:
+    """Return (n, 3) sRGB bytes of modules that no other colour says anything about.
+
+    They are the colours that the module's file names, in turn, or a light grey.
+    """
+    colours = [bytes.fromhex(colour.removeprefix("#")) for colour in module.colours]
+    return np.resize(
+        np.array([[*colour] for colour in colours] or NO_ERROR_RGB, np.uint8), (modules, 3)
+    )
+
+
 def error_scale(largest_rad: float) -> float:
     """Return the end of the colour scale in rad: 1, 2 or 5 times a power of ten."""
     if not np.isfinite(largest_rad) or largest_rad <= MIN_ERROR_SCALE_RAD:

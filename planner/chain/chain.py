@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
 from foldback.planner.chain.close_points import first_close_pair
+from foldback.planner.chain.corners import lowest_corners
 from foldback.planner.chain.kinematics import Poses, forward_kinematics
 from foldback.planner.chain.module import IndexT, Module
 from foldback.planner.chain.path import (
@@ -19,7 +21,14 @@ from foldback.planner.chain.path import (
 )
 from foldback.planner.chain.rotations import wxyz_from_matrix
 from foldback.planner.chain.trail import Trail, hinge_axes
+from foldback.planner.core import least_separation, near_pairs
 from foldback.planner.errors import InputError
+
+OVERLAP_SIZE: Final = 0.98
+"""Size, as a fraction of full size, at which modules of a folded shape must not overlap: at 1,
+rounding would refuse good chains."""
+OVERLAP_ROUNDING: Final = 1e-6
+"""Depth of an overlap, in pitches, up to which it counts as rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -246,8 +255,7 @@ class Chain:
     def table_height(self) -> float:
         """Height of the table that it stands on when folded, along z, in pitches."""
         poses = self.folded_poses
-        corners = (poses.rotations[:, 2, :] @ self.module.vertices.T).min(axis=1)
-        return float((corners + poses.positions[:, 2]).min())
+        return float(lowest_corners(self.module, poses.positions, poses.rotations).min())
 
     def poses(self, angles_rad: Array, root_position: Array, root_wxyz: Array) -> Poses:
         """Return poses of all modules for (..., J) angles and the (..., 3), (..., 4) root pose."""
@@ -263,14 +271,17 @@ class Chain:
 def check_overlap(chain: Chain) -> None:
     """Refuse a chain whose folded modules lie in one another.
 
-    Two modules overlap for certain when their centres are closer than twice the radius of the
-    ball that fits into one; that is what is tested.
+    On a lattice, two modules overlap if their centres are closer than twice the radius of the ball
+    that fits into one; of other modules, all parts are compared.
 
     Raises:
-        InputError: ``overlap``, naming the first two modules along the chain.
+        InputError: ``overlap``, naming two modules.
     """
+    if chain.module.filling not in ("cells", "rings"):
+        _check_overlap_of_parts(chain)
+        return
     positions = chain.folded_poses.positions
-    closest = 2.0 * chain.module.inner_radius * 0.98  # at 1, rounding would refuse good chains
+    closest = 2.0 * chain.module.inner_radius * OVERLAP_SIZE
     pair = first_close_pair(positions, closest)
     if pair is not None:
         i, j = pair
@@ -284,6 +295,25 @@ def check_overlap(chain: Chain) -> None:
             modules=[int(i), int(j)],
             distance=distance,
             min_distance=closest,
+        )
+
+
+def _check_overlap_of_parts(chain: Chain) -> None:
+    module, poses = chain.module, chain.folded_poses
+    positions = np.ascontiguousarray(poses.positions)
+    rotations = np.ascontiguousarray(poses.rotations)
+    pairs = near_pairs(positions, 2.0 * module.radius * OVERLAP_SIZE, module.apart)
+    separation, i, j = least_separation(
+        positions, rotations, pairs, module.hull, OVERLAP_SIZE, OVERLAP_ROUNDING
+    )
+    if separation < -OVERLAP_ROUNDING:
+        raise InputError(
+            "overlap",
+            "modules {modules} overlap in the folded shape by {depth:.3g} pitches; change the "
+            "angles of the joints between these modules.",
+            where="modules {modules}",
+            modules=[int(i), int(j)],
+            depth=-separation,
         )
 
 

@@ -242,6 +242,16 @@ class Module:
         """Radius of the ball about its centre that fits into each piece, in pitches."""
         return min(piece.inner_radius for piece in self.pieces)
 
+    @cached_property
+    def face_distance(self) -> float:
+        """Largest distance of a face's plane from the centre of its piece, in pitches."""
+        return max(
+            float((part.corners @ normal).max())
+            for piece in self.pieces
+            for part in piece.parts
+            for normal, _ in part.faces
+        )
+
     # Of modules of one piece with one part.
 
     @property

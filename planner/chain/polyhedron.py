@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from itertools import combinations, pairwise
 from typing import Final
 
@@ -61,6 +62,32 @@ class Polyhedron:
             if a < b
         ]
         return cls(frozen(corners), loops, _face_normals(normals), _edge_directions(edges))
+
+    @cached_property
+    def faces(self) -> tuple[tuple[Array, tuple[int, ...]], ...]:
+        """Outward unit normal of each face and its corners, in the order of ``face_normals``."""
+        faces = {frozenset(loop): loop for loop in self.loops}
+        extent = float(np.ptp(self.corners, axis=0).max())
+        return tuple(
+            (normal, faces[corners])
+            for line in self.face_normals
+            for normal in (line, -line)
+            if (corners := self._farthest(normal, PLANE_TOLERANCE * extent)) in faces
+        )
+
+    def _farthest(self, normal: Array, tolerance: float) -> frozenset[int]:
+        """Return the corners that are farthest along a direction."""
+        heights = self.corners @ normal
+        return frozenset(np.flatnonzero(heights > heights.max() - tolerance).tolist())
+
+    def placed(self, position: Array, rotation: Array, *, size: float = 1.0) -> Polyhedron:
+        """Return the polyhedron at a size and in the pose of a module, in the world's frame."""
+        return Polyhedron(
+            frozen(size * self.corners @ rotation.T + position),
+            self.loops,
+            frozen(self.face_normals @ rotation.T),
+            frozen(self.edge_directions @ rotation.T),
+        )
 
     def moved(self, origin: Array, axes: Array) -> Polyhedron:
         """Return the polyhedron in a frame at ``origin`` with the (3, 3) ``axes`` as columns."""

@@ -13,7 +13,8 @@ from typing import Final
 
 import numpy as np
 
-from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.corners import placed_faces
 from foldback.planner.chain.kinematics import Poses
 from foldback.planner.chain.module import Module
 from foldback.planner.plan.steps import Step, Turn, hinge_axis
@@ -210,50 +211,16 @@ def _faces(
     view: _View, module: Module, poses: Poses, visible_modules: Ints, moving: set[int]
 ) -> Iterable[Shape]:
     """Return the visible faces of some modules, from back to front."""
-    corners, normals = _hull_faces(module)
-    rotations, positions = poses.rotations[visible_modules], poses.positions[visible_modules]
-    facing = np.einsum("nij,fj->nfi", rotations, normals)
-    placed = positions[:, None, None] + np.einsum("nij,fcj->nfci", rotations, corners)
+    faces = placed_faces(module, poses.positions, poses.rotations, visible_modules)
     # Light comes from above and from the right.
-    brightness = facing @ view.up + 0.4 * (facing @ view.right)
+    brightness = faces.normals @ view.up + 0.4 * (faces.normals @ view.right)
     tones = np.digitize(brightness, (-0.4, 0.4))  # the three visible faces of a cube all differ
-    index, face = np.nonzero((facing @ view.out > 1e-6) & _outer(placed))
     # Cubes hide each other by their centres; faces of one module never hide each other.
-    depth = (
-        (positions @ view.out)[index]
-        if module.geom == "box"
-        else (placed[index, face].mean(axis=1) @ view.out)
-    )
-    for k in np.argsort(np.round(depth, 6), kind="stable").tolist():
-        i, f = int(index[k]), int(face[k])
-        part = "moving" if int(visible_modules[i]) in moving else "held"
-        yield Shape(style=f"{part}-{tones[i, f]}", points=view.points(placed[i, f]))
-
-
-def _hull_faces(module: Module) -> tuple[Array, Array]:
-    """Return (F, C, 3) corners around each face of a module, and (F, 3) outward normals."""
-    faces: list[Array] = []
-    normals: list[Array] = []
-    for line in module.face_normals:
-        for normal in (line, -line):
-            heights = module.vertices @ normal
-            corners = module.vertices[heights > heights.max() - 1e-6]
-            if len(corners) < 3:
-                continue
-            middle = corners.mean(axis=0)
-            across = corners[0] - middle
-            tangent = np.cross(normal, across)
-            turns = np.arctan2((corners - middle) @ tangent, (corners - middle) @ across)
-            faces.append(corners[np.argsort(turns)])
-            normals.append(normal)
-    return np.array(faces), np.array(normals)
-
-
-def _outer(placed: Array) -> Flags:
-    """Return (n, F) True for faces that belong to one module only."""
-    keys = np.rint(placed.mean(axis=2) * 8.0).astype(np.int64).reshape(-1, 3)
-    _, inverse, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
-    return (counts[inverse.reshape(-1)] == 1).reshape(placed.shape[:2])
+    depth = (poses.positions[faces.modules] if module.fills_cell else faces.middles) @ view.out
+    drawn = np.flatnonzero((faces.normals @ view.out > 1e-6) & faces.outer())
+    for k in drawn[np.argsort(np.round(depth[drawn], 6), kind="stable")].tolist():
+        part = "moving" if int(faces.modules[k]) in moving else "held"
+        yield Shape(style=f"{part}-{tones[k]}", points=view.points(faces.corners[k]))
 
 
 def _arrow(

@@ -209,18 +209,15 @@ class _Folding:
         return clearance, nearest
 
     def _distance(self, poses: Poses, row: int, first: int, second: int) -> float:
-        """Return the distance of two modules: that of the hull of all differences from zero."""
-        from scipy.optimize import nnls  # late: pages start without it
-
-        corners = self.chain.module.vertices * self.size
-        a, b = (
-            poses.positions[row, k] + corners @ poses.rotations[row, k].T for k in (first, second)
+        """Return the distance of two modules: the least one of two of their parts."""
+        one, other = (
+            [
+                part.placed(poses.positions[row, k], poses.rotations[row, k], size=self.size)
+                for part in self.chain.module.piece(k).parts
+            ]
+            for k in (first, second)
         )
-        differences = (a[:, None] - b[None]).reshape(-1, 3)
-        # Nonnegative weights of the nearest point; the last equation makes their sum 1.
-        equations = np.vstack([differences.T, np.full(len(differences), SUM_WEIGHT)])
-        weights, _ = nnls(equations, np.array([0.0, 0.0, 0.0, SUM_WEIGHT]))
-        return float(np.linalg.norm(differences.T @ weights) / weights.sum())
+        return min(_distance(p.corners, q.corners) for p in one for q in other)
 
     def _folded_by(self, share: float) -> int:
         """Return the frame at which the chain is folded by nearly this share of all turns."""
@@ -241,6 +238,17 @@ class _Folding:
         turned = self.timeline.frames(start, end).joint_angles_rad * np.sign(goal)
         goal_angles = np.abs(goal)
         return np.clip(turned, 0.0, goal_angles).sum(axis=1) / max(goal_angles.sum(), OVERLAP_PITCH)
+
+
+def _distance(a: Array, b: Array) -> float:
+    """Return the distance of two convex bodies: that of the hull of all differences from zero."""
+    from scipy.optimize import nnls  # late: pages start without it
+
+    differences = (a[:, None] - b[None]).reshape(-1, 3)
+    # Nonnegative weights of the nearest point; the last equation makes their sum 1.
+    equations = np.vstack([differences.T, np.full(len(differences), SUM_WEIGHT)])
+    weights, _ = nnls(equations, np.array([0.0, 0.0, 0.0, SUM_WEIGHT]))
+    return float(np.linalg.norm(differences.T @ weights) / weights.sum())
 
 
 def _torque(

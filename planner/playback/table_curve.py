@@ -14,12 +14,13 @@ import numpy as np
 from foldback.planner.arrays import FRAMES_AT_ONCE, Array, Ints
 from foldback.planner.chain.cantilever_statics import hinge_frames
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.corners import lowest_corners
 from foldback.planner.chain.kinematics import Poses, forward_kinematics
 from foldback.planner.core import torque_columns
 from foldback.planner.core.structures import Hinges
 from foldback.planner.motion.motion import Motion
 from foldback.planner.playback.window_trajectory import WindowCurve
-from foldback.planner.statics.contacts import FLOOR_GAP, MAX_TABLE_PENETRATION_PITCH, lowest_corners
+from foldback.planner.statics.contacts import FLOOR_GAP, MAX_TABLE_PENETRATION_PITCH
 
 LIFTED_DEPTH_SHARE: Final = 0.5
 """Depth to which modules are lifted if the planned curve of a fold on a table lets them sink too
@@ -111,6 +112,11 @@ class TableCurve(WindowCurve):
             root_wxyz=chain.folded_wxyz,
         )
 
+    def _lowest_corner(self, index: int, rotation: Array) -> Array:
+        """Return the way from the centre of a module to its lowest corner, pitches."""
+        corners = rotation @ self.chain.module.piece(index).corners.T
+        return corners[:, corners[2].argmin()]
+
     def _turn(self, point: int, angles: Array, poses: Poses, target_heights: Array) -> Array:
         """Return the (J,) least turn of a window's hinges that moves modules up or down.
 
@@ -121,8 +127,7 @@ class TableCurve(WindowCurve):
             target_heights: (n,) wanted rise of each module, pitches; NaN for any.
         """
         lifted = np.flatnonzero(~np.isnan(target_heights))
-        corners = poses.rotations[lifted] @ self.chain.module.vertices.T
-        lowest = corners[np.arange(len(lifted)), :, corners[:, 2].argmin(axis=1)]
+        lowest = np.array([self._lowest_corner(i, poses.rotations[i]) for i in lifted.tolist()])
         axes, anchors = hinge_frames(self.chain, angles, poses)
         hinges = Hinges(
             axes=np.ascontiguousarray(axes.reshape(-1, 3)),

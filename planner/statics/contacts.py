@@ -9,12 +9,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
 from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.chain.corners import lowest_corners
 from foldback.planner.chain.module import Module
+from foldback.planner.chain.polyhedron import Polyhedron
 from foldback.planner.core import contact_points
 from foldback.planner.core.structures import FacetedHull
 
@@ -85,7 +88,7 @@ def contacts(
         floor_gap: Height up to which corners of full-size modules touch the floor, pitches.
         module_gap: Distance up to which full-size modules touch, pitches.
     """
-    less = (1.0 - module_size) * module.inner_radius
+    less = (1.0 - module_size) * module.face_distance
     points = contact_points(
         np.ascontiguousarray(positions, dtype=np.float64),
         np.ascontiguousarray(rotations, dtype=np.float64),
@@ -99,44 +102,34 @@ def contacts(
 
 @lru_cache(maxsize=16)
 def solid_of(module: Module, module_size: float) -> FacetedHull:
-    """Return a module's hull with its faces and edges for kernels."""
-    reach = module.vertices @ module.face_normals.T
-    normals: list[Array] = []
-    loops: list[list[int]] = []
-    for k, normal in enumerate(module.face_normals):
-        for sign in (1.0, -1.0):
-            height = sign * reach[:, k]
-            corners = np.flatnonzero(height > height.max() - 1e-9)
-            if len(corners) > 2:
-                normals.append(sign * normal)
-                loops.append(_around(module.vertices[corners], sign * normal, corners))
-    edges = {
-        (min(p, q), max(p, q))
-        for loop in loops
-        for p, q in zip(loop, loop[1:] + loop[:1], strict=True)
-    }
-    max_corners = max(len(loop) for loop in loops)
-    counts = len(module.vertices), len(loops), len(edges), len(module.edge_directions)
+    """Return the parts of a module's pieces with their faces and edges for kernels."""
+    parts = [part for piece in module.pieces for part in piece.parts]
+    loops = [loop for part in parts for _, loop in part.faces]
+    most_corners = max(len(loop) for loop in loops)
+    edges = [_edges(part) for part in parts]
+    counts = [
+        (len(part.corners), len(part.faces), len(ends), len(part.edge_directions))
+        for part, ends in zip(parts, edges, strict=True)
+    ]
+    stops = np.cumsum([(0, 0, 0, 0), *counts], axis=0)
+    vertices = np.concatenate([part.corners for part in parts])
     return FacetedHull(
-        vertices=np.ascontiguousarray(module.vertices * module_size),
-        normals=np.array(normals),
-        loops=np.array([loop + [-1] * (max_corners - len(loop)) for loop in loops], dtype=np.int64),
-        edges=np.array(sorted(edges), dtype=np.int64),
-        directions=np.array(module.edge_directions),
-        parts=np.array([[end for count in counts for end in (0, count)]], dtype=np.int64),
-        pieces=np.array([[0, 1]], dtype=np.int64),
-        kinds=np.zeros(1, dtype=np.int64),
+        vertices=vertices * module_size,
+        normals=np.array([normal for part in parts for normal, _ in part.faces]),
+        loops=np.array([[*loop, *[-1] * (most_corners - len(loop))] for loop in loops]),
+        edges=np.concatenate(edges),
+        directions=np.concatenate([part.edge_directions for part in parts]),
+        parts=np.stack([stops[:-1], stops[1:]], axis=2).reshape(-1, 8),
+        pieces=module.hull.pieces,
+        kinds=module.hull.kinds,
         radius=module.radius * module_size,
     )
 
 
-def _around(points: Array, normal: Array, corners: Ints) -> list[int]:
-    """Return the corners of a face counterclockwise, seen against its normal."""
-    middle = points.mean(axis=0)
-    ahead = points[0] - middle
-    sideways = np.cross(normal, ahead)
-    angles = np.arctan2((points - middle) @ sideways, (points - middle) @ ahead)
-    return [int(corners[k]) for k in np.argsort(angles)]
+def _edges(part: Polyhedron) -> Ints:
+    """Return the (E, 2) corners of each edge of a part."""
+    ends = {tuple(sorted(edge)) for _, loop in part.faces for edge in pairwise((*loop, loop[0]))}
+    return np.array(sorted(ends), dtype=np.int64)
 
 
 def floor_clearances(
@@ -151,13 +144,4 @@ def floor_clearances(
         module_size: Module size as a fraction of the pitch.
     """
     lowest = lowest_corners(module, positions, rotations, module_size=module_size).min(axis=-1)
-    return lowest - (1.0 - module_size) * module.inner_radius
-
-
-def lowest_corners(
-    module: Module, positions: Array, rotations: Array, *, module_size: float = 1.0
-) -> Array:
-    """Return the (F, n) height of the lowest corner of each module, pitches."""
-    return (rotations[..., 2, :] @ (module.vertices * module_size).T).min(axis=-1) + positions[
-        ..., 2
-    ]
+    return lowest - (1.0 - module_size) * module.face_distance

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from foldback.planner.arrays import Array, Flags
+from foldback.planner.chain.corners import placed_corners
 from foldback.planner.chain.module import Module
 
 
@@ -43,8 +44,8 @@ def resting_poses(module: Module, positions: Array, rotations: Array) -> Iterato
     """
     from scipy.spatial import ConvexHull  # takes a while to import
 
-    corners = (module.vertices @ np.swapaxes(rotations, 1, 2) + positions[:, None]).reshape(-1, 3)
-    centre = positions.mean(axis=0)
+    corners = placed_corners(module, positions, rotations)
+    centre = np.average(positions, axis=0, weights=module.masses(len(positions)))
     hull = ConvexHull(corners)
     heights = -(hull.equations[:, :3] @ centre + hull.equations[:, 3])
     below = centre + heights[:, None] * hull.equations[:, :3]

@@ -12,6 +12,7 @@ import numpy as np
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import Poses, forward_kinematics
+from foldback.planner.chain.polyhedron import Polyhedron
 from foldback.planner.chain.rotations import QUARTER_RAD
 from foldback.planner.motion.failure_schemas import BlockFigures, QuarterTurnFigures, TurnFigures
 from foldback.planner.plan.value_differences import Differences
@@ -192,18 +193,26 @@ def _overlap_differs(
 
 
 def overlap(chain: Chain, poses: Poses, i: int, j: int, module_size: float) -> float:
-    """Return the depth of the overlap of two modules, pitches; negative if they are apart."""
-    module = chain.module
-    turns = poses.rotations[i], poses.rotations[j]
-    corners_i, two = (
-        module_size * module.vertices @ turn.T + poses.positions[k]
-        for turn, k in zip(turns, (i, j), strict=True)
+    """Return the depth of the overlap of two modules, pitches; negative if they are apart.
+
+    It is that of the two parts that lie deepest in one another.
+    """
+    one, other = (
+        [
+            part.placed(poses.positions[k], poses.rotations[k], size=module_size)
+            for part in chain.module.piece(k).parts
+        ]
+        for k in (i, j)
     )
-    edges = [module.edge_directions @ turn.T for turn in turns]
-    products = np.cross(edges[0][:, None], edges[1][None]).reshape(-1, 3)
-    axes = np.concatenate([*(module.face_normals @ turn.T for turn in turns), products])
+    return max(_overlap_of_parts(p, q) for p in one for q in other)
+
+
+def _overlap_of_parts(p: Polyhedron, q: Polyhedron) -> float:
+    """Return the depth of the overlap of two convex parts; negative if they are apart."""
+    products = np.cross(p.edge_directions[:, None], q.edge_directions[None]).reshape(-1, 3)
+    axes = np.concatenate([p.face_normals, q.face_normals, products])
     lengths = np.linalg.norm(axes, axis=1)
     axes = axes[lengths > AXIS_ROUNDING**0.5] / lengths[lengths > AXIS_ROUNDING**0.5, None]
-    a, b = corners_i @ axes.T, two @ axes.T
+    a, b = p.corners @ axes.T, q.corners @ axes.T
     deep = np.minimum(a.max(axis=0) - b.min(axis=0), b.max(axis=0) - a.min(axis=0))
     return float(deep.min())

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.corners import placed_faces
 from foldback.planner.chain.module import Module
+from foldback.web.palette import own_colours
 from foldback.web.pictures.isometric import (
     DRAWING_MARGIN_PITCH,
     PITCH_UNITS,
@@ -17,7 +19,6 @@ from foldback.web.pictures.isometric import (
     isometric_svg,
     svg_of,
 )
-from foldback.web.pictures.meshes import sketch_outline
 
 Array = NDArray[np.float64]
 AZIMUTH_RAD, ELEVATION_RAD = math.radians(33.0), math.radians(27.0)
@@ -34,6 +35,8 @@ EYE_DIRECTION: Final = np.array(
 UP_DIRECTION: Final = np.cross(EYE_DIRECTION, RIGHT_DIRECTION)
 LIGHT_DIRECTION: Final = np.array([0.1, 0.25, 0.96]) / math.sqrt(0.1**2 + 0.25**2 + 0.96**2)
 DARKEST, BRIGHTEST = (112, 124, 140), (240, 242, 245)
+DIMMEST_SHARE: Final = 0.5
+"""Fraction of a module's own colour that a face turned away from the light keeps."""
 SEAM_COLOUR: Final = "#646d79"
 TONE_STEPS: Final = 12
 """Number of steps of the brightness of faces in an isometric drawing."""
@@ -68,40 +71,32 @@ def modules_svg(
         size: Width and height in CSS pixels; the drawing scales.
         title: Text for screen readers; without one the drawing counts as decoration.
     """
-    if module.geom == "box":
+    if module.fills_cell:
         return isometric_svg(np.rint(positions).astype(np.int64), size=size, title=title)
     positions, rotations = positions @ QUARTER_TURN.T, QUARTER_TURN @ rotations
-    outline = sketch_outline(module, len(positions))
-    faces, normals = np.array(outline["faces"]), np.array(outline["normals"])
-    # (n, F, 3) normals and (n, F, C, 3) corners; faces that two modules share are not drawn.
-    turned = np.einsum("nij,fj->nfi", rotations, normals)
-    local = module.vertices[faces]
-    placed = positions[:, None, None] + np.einsum("nij,fcj->nfci", rotations, local)
-    is_visible = (turned @ EYE_DIRECTION > 1e-6) & _outer(placed)
-    corners, facing = placed[is_visible], turned[is_visible]
-    order = np.argsort((corners.mean(axis=1) @ EYE_DIRECTION), kind="stable")
-    corners, facing = corners[order], facing[order]
-    middle = corners.mean(axis=1, keepdims=True)
-    # the rest appears as a dark seam
-    flat, inner = _project(corners), _project(middle + 0.94 * (corners - middle))
+    faces = placed_faces(module, positions, rotations, np.arange(len(positions)))
+    # Faces that two modules share are not drawn.
+    visible = np.flatnonzero((faces.normals @ EYE_DIRECTION > 1e-6) & faces.outer())
+    visible = visible[np.argsort(faces.middles[visible] @ EYE_DIRECTION, kind="stable")]
+    colours = own_colours(module, len(positions))
     unit = PITCH_UNITS / 2.0
-    drawn = "".join(
-        f'<path fill="{SEAM_COLOUR}" d="{_path(outer * unit)}"/>'
-        f'<path fill="{_tone(normal)}" d="{_path(face * unit)}"/>'
-        for outer, face, normal in zip(flat, inner, facing, strict=True)
-    )
-    low, high = flat.min(axis=(0, 1)) * unit, flat.max(axis=(0, 1)) * unit
+    outlines: list[Array] = []
+    drawn: list[str] = []
+    for k in visible.tolist():
+        corners, middle = faces.corners[k], faces.middles[k]
+        outlines.append(_project(corners) * unit)
+        # The rest appears as a dark seam.
+        inner = _project(middle + 0.94 * (corners - middle)) * unit
+        colour = colours[faces.modules[k]] if module.colours else None
+        drawn.append(
+            f'<path fill="{SEAM_COLOUR}" d="{_path(outlines[-1])}"/>'
+            f'<path fill="{_tone(faces.normals[k], colour)}" d="{_path(inner)}"/>'
+        )
+    flat = np.concatenate(outlines)
+    low, high = flat.min(axis=0), flat.max(axis=0)
     margin = DRAWING_MARGIN_PITCH * unit
     box = " ".join(f"{v:.1f}" for v in (*(low - margin), *(high - low + 2 * margin)))
-    return svg_of(drawn, box=box, size=size, title=title)
-
-
-def _outer(placed: Array) -> NDArray[np.bool_]:
-    """Return (n, F) True for faces that belong to one module only."""
-    n, count = placed.shape[:2]
-    keys = np.rint(placed.sum(axis=2) * 4.0).astype(np.int64).reshape(-1, 3)
-    _, inverse, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
-    return (counts[inverse.reshape(-1)] == 1).reshape(n, count)
+    return svg_of("".join(drawn), box=box, size=size, title=title)
 
 
 def _project(points: Array) -> Array:
@@ -112,7 +107,10 @@ def _path(points: Array) -> str:
     return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points) + "z"
 
 
-def _tone(normal: Array) -> str:
+def _tone(normal: Array, colour: NDArray[np.uint8] | None) -> str:
     share = round(TONE_STEPS * (0.5 + 0.5 * float(normal @ LIGHT_DIRECTION))) / TONE_STEPS
-    mixed = (round(a + (b - a) * share) for a, b in zip(DARKEST, BRIGHTEST, strict=True))
+    darkest, brightest = (
+        (DARKEST, BRIGHTEST) if colour is None else (DIMMEST_SHARE * colour, colour.astype(float))
+    )
+    mixed = (round(a + (b - a) * share) for a, b in zip(darkest, brightest, strict=True))
     return "#" + "".join(f"{value:02x}" for value in mixed)
