@@ -28,11 +28,13 @@ def _unit(vectors: Array) -> Array:
 
 
 _RNG = np.random.default_rng(0)
-SKEWED = replace(
-    TETRAHEDRON,
+_PIECE = TETRAHEDRON.pieces[0]
+_PART = replace(
+    _PIECE.parts[0],
     face_normals=_unit(TETRAHEDRON.face_normals + _RNG.normal(0.0, 0.01, (4, 3))),
     edge_directions=_unit(TETRAHEDRON.edge_directions + _RNG.normal(0.0, 0.01, (6, 3))),
 )
+SKEWED = replace(TETRAHEDRON, pieces=(replace(_PIECE, parts=(_PART,)),))
 """Tetrahedra with slightly rotated candidate axes. Linked tetrahedra are mirror images: two axes
 have the same separation, rounding selects one of them, and the loss depends on it."""
 MODULES = st.sampled_from([CUBE, SKEWED])

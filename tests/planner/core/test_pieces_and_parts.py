@@ -11,6 +11,7 @@ from foldback.planner.chain.built_in_modules import TETRAHEDRON
 from foldback.planner.chain.kinematics import forward_kinematics
 from foldback.planner.core import (
     BODY_COLUMNS,
+    contact_points,
     least_separation,
     mark_blamed_hinges,
     module_clearances,
@@ -18,6 +19,8 @@ from foldback.planner.core import (
     sweep_frames,
 )
 from foldback.planner.core.structures import Angles, Hull, Shape, Solid, Tolerance
+from foldback.planner.statics.contacts import solid_of
+from tests.planner.brackets import BRACKETS
 from tests.planner.chains import Array, random_rotation
 
 Part = tuple[Array, Array, Array]
@@ -228,3 +231,32 @@ def test_blamed_hinges_lie_between_modules_that_are_close() -> None:
             expected[k, i:j] |= j - i >= 2
     assert np.array_equal(blamed, expected)
     assert count == expected.any(axis=1).sum() and 0 < count < len(angles)
+
+
+def test_contacts_of_modules_are_those_of_their_parts() -> None:
+    solid = solid_of(BRACKETS, 1.0)
+    rotations = np.stack([np.eye(3)] * 2)
+    touching: set[int] = set()
+    for gap in ([0.0, 0.0, 0.41], [0.0, 0.62, 0.0], [0.72, 0.1, 0.02], [0.0, 0.0, -0.4]):
+        positions = np.array([[0.0, 0.0, 0.0], gap])
+        contacts = contact_points(positions, rotations, solid, 1, -1.0, 0.03)
+        expected: list[Array] = []
+        for q in (1, 2):
+            alone = solid._replace(pieces=np.array([[0, 1], [q, q + 1]]))
+            of_parts = contact_points(positions, rotations, alone, 1, -1.0, 0.03)
+            expected.extend(np.column_stack([of_parts.points, of_parts.normals, of_parts.gaps]))
+            touching.add(q if len(of_parts.points) else 0)
+        assert np.column_stack([contacts.points, contacts.normals, contacts.gaps]) == pytest.approx(
+            np.array(expected).reshape(-1, 7)
+        )
+        assert len(set(contacts.feature.tolist())) == len(contacts.feature)
+    assert touching == {0, 1, 2}
+
+
+def test_corners_of_all_parts_touch_the_floor() -> None:
+    solid = solid_of(BRACKETS, 1.0)
+    positions = np.array([[0.0, 0.0, 0.2], [3.0, 0.0, 0.2]])
+    contacts = contact_points(positions, np.stack([np.eye(3)] * 2), solid, 1, 0.02, 0.0)
+    lowest = [piece.corners[:, 2] < -0.19 for piece in BRACKETS.pieces]
+    assert contacts.first.tolist() == [0] * int(lowest[0].sum()) + [1] * int(lowest[1].sum())
+    assert contacts.feature.tolist() == [*np.flatnonzero(lowest[0]), *np.flatnonzero(lowest[1])]
