@@ -231,6 +231,24 @@ class Chain:
         return self.module.module_after(hinge)
 
     @property
+    def ranges_rad(self) -> Array:
+        """(J, 2) smallest and largest angle of each hinge; infinite where it turns freely."""
+        return self.module.ranges_rad[self.module.joint.row(self._holders)].reshape(-1, 2)
+
+    def stops_rad(self, early_rad: float = 0.0) -> Array:
+        """Return (J, 2) finite angles at which motions of the hinges stop.
+
+        Args:
+            early_rad: Angle before the ends of their ranges at which they do.
+        """
+        return self.module.stops_behind(self._holders, early_rad).reshape(-1, 2)
+
+    @property
+    def _holders(self) -> Ints:
+        """Modules that joints are behind."""
+        return self.module.rigid_links + np.arange(self.joint_count)
+
+    @property
     def joint_names(self) -> tuple[str, ...]:
         """(J,) names of the hinge angles."""
         return self.module.joint_names(len(self))

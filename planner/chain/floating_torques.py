@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,25 @@ from foldback.planner.core.structures import Lumps
 from foldback.planner.cpu_cores import cores
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Floating:
+    """Stretch of a chain in which all links have hinges, between two rigid bodies.
+
+    Attributes:
+        first: Number of its first module.
+        lumps: The rigid bodies at its ends.
+    """
+
+    first: int
+    lumps: Lumps
+
+
 def floating_torques(
     module: Module,
     angles_rad: Array,
     rates: Array,
     accelerations: Array,
-    lumps: Lumps | None = None,
+    stretch: Floating | None = None,
 ) -> Array:
     """Compute hinge torques of a chain that floats freely, without gravity, momentum or contacts.
 
@@ -29,8 +43,7 @@ def floating_torques(
         angles_rad: (F, J) hinge angles.
         rates: (F, J) hinge velocities in rad/s.
         accelerations: (F, J) hinge accelerations in rad/s².
-        lumps: Rigid bodies at both ends of a stretch of a chain, in which all links have hinges;
-            None for a whole chain.
+        stretch: Stretch of a chain that the hinges are those of; None for a whole chain.
 
     Returns:
         (F, J) torques in units of module mass · pitch² / s². They are linear in the accelerations
@@ -38,12 +51,12 @@ def floating_torques(
     """
     torques = np.empty(angles_rad.shape)
     motion = (angles_rad, rates, accelerations)
-    _compute(many_floating_torques, module, lumps, motion, (torques,))
+    _compute(many_floating_torques, module, stretch, motion, (torques,))
     return torques
 
 
 def path_torques(
-    module: Module, angles_rad: Array, first: Array, second: Array, lumps: Lumps | None = None
+    module: Module, angles_rad: Array, first: Array, second: Array, stretch: Floating | None = None
 ) -> tuple[Array, Array]:
     """Compute terms of the hinge torques a ü + b u̇² of such a chain along a path q(u).
 
@@ -51,33 +64,33 @@ def path_torques(
         module: The kind of module.
         angles_rad: (F, J) hinge angles q.
         first, second: (F, J) derivatives q' and q'' by u.
-        lumps: As in ``floating_torques``.
+        stretch: As in ``floating_torques``.
 
     Returns:
         (F, J) a and (F, J) b.
     """
     a, b = np.empty(angles_rad.shape), np.empty(angles_rad.shape)
-    _compute(many_path_torques, module, lumps, (angles_rad, first, second), (a, b))
+    _compute(many_path_torques, module, stretch, (angles_rad, first, second), (a, b))
     return a, b
 
 
 def _compute(
     kernel: Callable[..., None],
     module: Module,
-    lumps: Lumps | None,
+    stretch: Floating | None,
     motion: Sequence[Array],
     out: Sequence[Array],
 ) -> None:
     """Call a kernel with (F, J) arrays that it reads and writes, some frames for each core."""
-    joint = module.joint if lumps is None else module.joint._replace(rigid_links=0)
-    ends = Lumps.none() if lumps is None else lumps
+    joint = module.joint if stretch is None else module.joint.window(stretch.first)
+    ends = Lumps.none() if stretch is None else stretch.lumps
     read = [np.ascontiguousarray(array) for array in motion]
 
     def of(part: slice) -> None:
         kernel(
             *(array[part] for array in read),
             joint,
-            module.inertia,
+            module.moments,
             ends,
             *(array[part] for array in out),
         )

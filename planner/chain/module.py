@@ -27,6 +27,9 @@ MAX_SMOOTH_CURVE_MODULES: Final = 1500
 """Maximum number of modules of a chain whose recorded motion is played back along a smooth curve,
 which takes gigabytes for longer chains. Their motion is played back frame by frame, and its
 simulation stops hinges 0.01 rad earlier, as no curve corrects angles beyond a joint's range."""
+MAX_FREE_TURN_RAD: Final = 1.99 * np.pi
+"""Largest recorded angle of a hinge without stops, either way, rad: a little less than the turn up
+to which plans hold angles as whole steps of 32 bits."""
 RELIEF_SAMPLES: Final = 64
 """Number of points along each side of a module at which its relief is sampled (material that must
 be removed so that linked modules can turn), to compute its volume."""
@@ -211,16 +214,32 @@ class Module:
     @cached_property
     def ranges_rad(self) -> Array:
         """(period, K, 2) range of each hinge of a period, infinite where it turns freely."""
-        return self._relative_to_rest([self.pieces[k].ranges_rad for k in self.pattern])
+        rest = np.zeros(len(self.pattern)) if self.rest_rad is None else self.rest_rad
+        ranges = np.array([self.pieces[k].ranges_rad for k in self.pattern])
+        return frozen(ranges - rest[:, None, None])
 
     @cached_property
-    def stops_rad(self) -> Array:
-        """(period, K, 2) stops of each hinge of a period in a simulated explosion."""
-        return self._relative_to_rest([self.pieces[k].stops_rad for k in self.pattern])
+    def largest_angle_rad(self) -> float:
+        """Largest angle of any hinge, either way."""
+        return float(np.abs(self.stops_behind(np.arange(len(self.pattern)))).max())
 
-    def _relative_to_rest(self, ranges: list[Array]) -> Array:
-        rest = np.zeros(len(ranges)) if self.rest_rad is None else self.rest_rad
-        return frozen(np.array(ranges) - rest[:, None, None])
+    @cached_property
+    def stops_early_rad(self) -> float:
+        """Angle before the ends of their ranges at which hinges stop in a simulated explosion."""
+        ends = [np.nan_to_num(p.ranges_rad) - np.nan_to_num(p.stops_rad) for p in self.pieces]
+        return float(np.abs(ends).max())
+
+    def stops_behind(self, modules: IndexT, early_rad: float = 0.0) -> Array:
+        """Return (…, K, 2) angles at which motions of the hinges behind modules stop.
+
+        Hinges without a range have angles, too, that no motion exceeds.
+
+        Args:
+            modules: The modules.
+            early_rad: Angle before the ends of their ranges at which they do.
+        """
+        ranges = np.clip(self.ranges_rad, -MAX_FREE_TURN_RAD, MAX_FREE_TURN_RAD)
+        return ranges[modules % len(self.pattern)] + early_rad * np.array([1.0, -1.0])
 
     @cached_property
     def volume(self) -> float:
@@ -300,11 +319,6 @@ class Module:
         return float(np.abs(self.ranges_rad).max())
 
     @property
-    def stop_rad(self) -> float:
-        """Angle of the stops of a simulated explosion."""
-        return float(np.abs(self.stops_rad).max())
-
-    @property
     def fills_cell(self) -> bool:
         """True if a folded module fills one cell of the cubic lattice."""
         return self.filling == "cells"
@@ -316,8 +330,26 @@ class Module:
 
     @cached_property
     def joint(self) -> Joint:
-        """The joint as kernels take it."""
-        return Joint(self.rigid_links, self.anchor, self.axes, self.turn, self.offset)
+        """The joints as kernels take them: a row for each kind of link."""
+        kinds, first = self._link_kinds
+        links = [self.link(module) for module in first.tolist()]
+        columns = (frozen(column) for column in zip(*links, strict=True))
+        return Joint(self.rigid_links, 0, kinds, *columns)
+
+    @cached_property
+    def moments(self) -> Array:
+        """(T, 3) ``inertia`` of the module before each of the rows of ``joint``."""
+        _, first = self._link_kinds
+        return frozen([self.piece(module).inertia for module in first.tolist()])
+
+    @cached_property
+    def _link_kinds(self) -> tuple[Ints, Ints]:
+        """(period,) kind of the link behind each module of a period, and the first of each kind."""
+        pattern = self.piece_numbers
+        rest = np.zeros(len(pattern)) if self.rest_rad is None else self.rest_rad
+        links = np.stack([pattern, np.roll(pattern, -1), rest], axis=1)
+        _, first, kinds = np.unique(links, axis=0, return_index=True, return_inverse=True)
+        return kinds.reshape(-1).astype(np.int64), first
 
     @cached_property
     def hull(self) -> Hull:

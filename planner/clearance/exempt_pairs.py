@@ -106,6 +106,6 @@ def _link(module: Module, module_size: float) -> Link:
         joint=module.joint,
         hull=module.hull,
         size=float(module_size),
-        face=module.offset / np.linalg.norm(module.offset),
-        distance=module.near_face(module_size),
+        face=module.joint.offset / np.linalg.norm(module.joint.offset, axis=1, keepdims=True),
+        distance=np.full(len(module.joint.offset), module.near_face(module_size)),
     )

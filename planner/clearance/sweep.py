@@ -216,6 +216,10 @@ def _swept(chain: Chain, motion: Motion, query: _Query, cancelled: Cancelled) ->
     frames, at_rest, enough, size = len(motion), None, query.enough, query.size
     if motion.is_windowed:
         motion.check(chain)
+    if motion.is_windowed and len(chain.module.pattern) > 1:
+        # The straight tail of a window would depend on the module that it begins at.
+        motion = as_motion(motion.angles(chain))
+    if motion.is_windowed:
         at_rest = _AtRest.of(chain, size, enough) if query.tolerance is EXACT else None
     first = np.ascontiguousarray(motion.first, dtype=np.int64)
     offsets = np.ascontiguousarray(motion.offsets, dtype=np.int64)

@@ -142,7 +142,7 @@ def chain_poses(
 
     Args:
         q: (J,) hinge angles, in rad.
-        joint: The module's joint.
+        joint: The chain's joints.
         root: Index of the module whose pose is given.
         root_position: (3,) its centre.
         root_rotation: (3, 3) its orientation.
@@ -163,7 +163,7 @@ def many_chain_poses(
 
     Args:
         q: (F, J) hinge angles, in rad.
-        joint: The module's joint.
+        joint: The chain's joints.
         root: Index of the module whose poses are given.
         root_positions: (F, 3) its centres.
         root_rotations: (F, 3, 3) its orientations.
@@ -186,7 +186,7 @@ def chain_velocities(
 
     Args:
         q, qd: (J,) hinge angles and rates.
-        joint: The module's joint.
+        joint: The chain's joints.
         root: Index of the module whose velocities are given.
         root_velocity: (3,) velocity of its centre in the world frame.
         root_angular_velocity: (3,) ω in the world frame.
@@ -199,7 +199,7 @@ def constrained_accelerations(
     loads: Loads,
     modules: ModuleStates,
     contacts: DetectedContacts,
-    stop_rad: float,
+    stops: Array,
     aba: ArticulatedBodies,
     out: Accelerations,
 ) -> bool:
@@ -211,7 +211,7 @@ def constrained_accelerations(
         loads: Forces, and rotor inertias.
         modules: Poses and velocities of all modules.
         contacts: Contacts of the state.
-        stop_rad: Angle of the hinges' stops, either way.
+        stops: (J, 2) smallest and largest angle of each hinge, rad; infinite for none.
         aba: Written.
         out: Written; ``qdd`` is NaN where the numbers are not finite.
 
@@ -268,7 +268,7 @@ def advance(
     state: ReducedState,
     accelerations: Accelerations,
     step_s: float,
-    stop_rad: float,
+    stops: Array,
     model: ChainModel,
     modules: ModuleStates,
 ) -> bool:
@@ -278,7 +278,7 @@ def advance(
         state: Changed.
         accelerations: Accelerations at the beginning of the step.
         step_s: Time step h.
-        stop_rad: Angle of the stops, either way.
+        stops: (J, 2) smallest and largest angle of each hinge, rad; infinite for none.
         model: Inertial parameters of the chain.
         modules: Written: poses and velocities of all modules.
 
@@ -453,13 +453,13 @@ def move_bodies(
     Args:
         angles, rates: q at s = 0 and q̇, for the joints of the stretch.
         half: h.
-        joint: The module's joint; its rigid links are those at the start of the stretch.
+        joint: The chain's joints; the rigid links are those at the start of the stretch.
         root: The body that is held still; its pose is given.
         bodies: (m, BODY_COLUMNS) written.
     """
 
 def relative_motion_bound(
-    a: Array, b: Array, half: float, radius: float, links: float, relative: Array
+    a: Array, b: Array, half: float, radius: float, reach: float, relative: Array
 ) -> tuple[float, float]:
     """Bound how near body b gets to body a: lemmas 5 and 6.
 
@@ -467,7 +467,8 @@ def relative_motion_bound(
         a, b: (BODY_COLUMNS,) bodies, see ``planner/core/motion_bounds.hpp``.
         half: h: the interval is |s| ≤ h.
         radius: ρ, of the ball about a module.
-        links: k, links between the two that move against each other.
+        reach: Largest length of the links between the two that move against each other, in
+            pitches: k of lemma 5, where each is one pitch long.
         relative: (RELATIVE_COLUMNS,) written.
 
     Returns:
@@ -553,7 +554,7 @@ def deepest_overlap(
     """Find the deepest overlap of linked modules at all frames and halfway between them.
 
     Args:
-        link: The joint and its hulls.
+        link: The joints and their hulls.
         folded: (J,) hinge angles before a window in radians; behind it they are 0.
         first: (F,) first hinge of each frame's window.
         offsets: (F + 1,) start of each window in ``values``.
@@ -1002,8 +1003,8 @@ def many_floating_torques(
 
     Args:
         q, qd, qdd: (F, J) hinge angles, rates and accelerations.
-        joint: The module's joint.
-        inertia: (3,) principal moments of a module of mass 1 about its centre.
+        joint: The chain's joints.
+        inertia: (T, 3) principal moments of modules of mass 1, see ``ChainModel``.
         lumps: Rigid bodies at both ends.
         out: (F, J) written, in module mass · pitch² / s²; NaN where the motion is not finite.
     """
@@ -1022,8 +1023,8 @@ def many_path_torques(
 
     Args:
         q, first, second: (F, J) hinge angles and their derivatives by u.
-        joint: The module's joint.
-        inertia: (3,) principal moments of a module of mass 1 about its centre.
+        joint: The chain's joints.
+        inertia: (T, 3) principal moments of modules of mass 1, see ``ChainModel``.
         lumps: Rigid bodies at both ends.
         a, b: (F, J) written; NaN where the path is not finite.
     """
@@ -1110,7 +1111,7 @@ def mark_blamed_hinges(
 
     Args:
         q: (F, J) configurations, in rad.
-        joint, hull: The module's joint and hull.
+        joint, hull: The chain's joints and hulls.
         apart: Pairs fewer links apart are exempt.
         size: Module size as a fraction of the pitch.
         margin: Smallest clearance, in pitches.
@@ -1127,7 +1128,7 @@ def write_displacements(q: Array, joint: Joint, largest: Array, mean: Array) -> 
 
     Args:
         q: (F, J) configurations, in rad.
-        joint: The module's joint.
+        joint: The chain's joints.
         largest, mean: (F − 1,) written: over all modules.
     """
 

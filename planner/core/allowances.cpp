@@ -23,13 +23,13 @@ double allowance(const Tolerance &tolerance, const Levers &levers, double joints
   return tolerance.spare + near;
 }
 
-void write_largest_allowances(const Tolerance &tolerance, double extent, double arm, double hinges,
-                              View<double, 1> out) {
+void write_largest_allowances(const Tolerance &tolerance, double extent, double link, double arm,
+                              double hinges, View<double, 1> out) {
   Levers levers;
   for (Index k = 0; k < out.size(); ++k) {
-    levers.longest = std::min(extent, static_cast<double>(k / 2)) + arm;
+    levers.longest = std::min(extent, link * static_cast<double>(k / 2)) + arm;
     out[k] = allowance(tolerance, levers, static_cast<double>(k), hinges);
-    double lever = std::min(extent, static_cast<double>(k + 1)) + arm;
+    double lever = std::min(extent, link * static_cast<double>(k + 1)) + arm;
     levers.total += lever;
     levers.squares += lever * lever;
   }

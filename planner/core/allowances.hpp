@@ -27,10 +27,10 @@ struct Levers {
 double allowance(const Tolerance &tolerance, const Levers &levers, double joints, double hinges);
 
 // Write the largest allowance of any two modules k links apart to out[k]. Neighbouring centres are
-// at most one pitch apart, so that the c-th joint from a module is at most c away from its centre,
-// and at most `extent`. `arm` is the farthest that any point of a module is from its centre, plus
-// that of a joint from the centre of the module before it.
-void write_largest_allowances(const Tolerance &tolerance, double extent, double arm, double hinges,
-                              View<double, 1> out);
+// at most `link` apart, so that the c-th joint from a module is at most c links away from its
+// centre, and at most `extent`. `arm` is the farthest that any point of a module is from its
+// centre, plus that of a joint from the centre of the module before it.
+void write_largest_allowances(const Tolerance &tolerance, double extent, double link, double arm,
+                              double hinges, View<double, 1> out);
 
 }  // namespace foldback

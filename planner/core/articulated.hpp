@@ -141,7 +141,8 @@ class ArticulatedBodyAlgorithm {
 
   // I = diag(R I_c Rᵀ, m) and p = (ω × R I_c Rᵀ ω, −f) of a module by itself.
   void isolated_body(const ChainDynamics<T> &chain, Index i, SpatialInertia<T> &I, Spatial<T> &p) {
-    I = SpatialInertia<T>::of_body(chain.rotations[i], chain.masses[i], model_.inertia.data());
+    const double *moments = model_.inertia[model_.joint.row(i)].data();
+    I = SpatialInertia<T>::of_body(chain.rotations[i], chain.masses[i], moments);
     const Vector<T> &omega = chain.angular_velocities[i];
     p = {cross(omega, I.A.times(omega)), scaled(chain.forces[i], -1.0)};
   }
@@ -168,13 +169,13 @@ class ArticulatedBodyAlgorithm {
   // each side of the joint it is ω × (ω × arm), across a hinge with the axis s it is ω × s q̇. The
   // axes are found from the outermost one on, in the frame that the hinges before it have turned.
   void write_joint_motion(const ChainDynamics<T> &chain, Index i, Spatial<T> *S) {
-    const Joint &joint = model_.joint;
+    const JointKind joint = model_.joint.at(i - 1);
     Matrix<T> frame = chain.rotations[i - 1];
     Vector<T> omega = chain.angular_velocities[i - 1];
     Vector<T> before = rotate(frame, joint.anchor.data());
     Vector<T> arm = chain.positions[i] - chain.positions[i - 1] - before;
     Spatial<T> c{{}, centripetal(omega, before) + centripetal(chain.angular_velocities[i], arm)};
-    if (Index j = joint.first_hinge(i - 1); j >= 0) {
+    if (Index j = model_.joint.first_hinge(i - 1); j >= 0) {
       for (int h = 0; h < K; ++h) {
         const double *local_axis = joint.axes[h].data();
         Vector<T> axis = rotate(frame, local_axis);

@@ -153,8 +153,8 @@ double chain_step_limit(const ReducedState &state, const ModuleStates &modules,
 
 // Return whether no two modules of near pairs touch, and no hinge is at its stop.
 bool is_free(const ReducedState &state, const ModuleStates &modules, View<const Index, 2> pairs,
-             const Solid &solid, double stop_rad) {
-  if (largest_magnitude(state.q) >= stop_rad) return false;
+             const Solid &solid, View<const double, 2> stops) {
+  if (is_any_at_stop(stops, state.q)) return false;
   for (Index k = 0; k < pairs.size(); ++k) {
     const Index i = pairs(k, 0), j = pairs(k, 1);
     const Vector<double> gap =
@@ -208,7 +208,7 @@ nanobind::object make_chain_steps(const ExplodingChain &chain, const RadialDrive
     looseness = write_chain_forces(drive, state.control.tension, is_weak, reduced.q,
                                    modules.positions, view_of(pairs), forces);
     FoundContacts contacts;
-    if (!is_free(reduced, modules, view_of(pairs), solid, chain.chain.stop_rad))
+    if (!is_free(reduced, modules, view_of(pairs), solid, chain.chain.stops))
       contacts = found_contacts(find, modules.size());
     outcome = step.run({forces, end_torque}, contacts, state.control, [&] {
       return chain_step_limit(reduced, modules, view_of(pairs), chain.limits);

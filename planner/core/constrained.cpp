@@ -10,14 +10,15 @@ namespace {
 
 template <int K>
 bool accelerate_chain(const ChainModel &model, const ChainDynamics<double> &chain,
-                      const ModuleStates &modules, const Contacts &contacts, double stop_rad,
-                      const ArticulatedBodyViews &aba, const AccelerationViews &out) {
-  return ConstrainedDynamics<K>(model, stop_rad, out.qdd.size())
+                      const ModuleStates &modules, const Contacts &contacts,
+                      View<const double, 2> stops, const ArticulatedBodyViews &aba,
+                      const AccelerationViews &out) {
+  return ConstrainedDynamics<K>(model, stops, out.qdd.size())
       .run(chain, modules, contacts, bodies_of(aba), accelerations_of(out));
 }
 
 bool constrained_accelerations(ChainModel model, ReducedState state, LoadViews loads,
-                               ModuleStates modules, Contacts contacts, double stop_rad,
+                               ModuleStates modules, Contacts contacts, View<const double, 2> stops,
                                ArticulatedBodyViews aba, AccelerationViews out) {
   const Index n = modules.size(), K = model.joint.hinges(), J = state.q.size();
   require_state(state, model, modules);
@@ -26,12 +27,13 @@ bool constrained_accelerations(ChainModel model, ReducedState state, LoadViews l
   require(loads.end_torque.size() == 3, "loads.end_torque: (3,)");
   require_contacts(contacts.points, n);
   require_contact_model(contacts.model);
+  require_stops(stops, J);
   require_bodies(aba, n, K);
   require_accelerations(out, model);
   const ChainDynamics<double> chain = dynamics_of(model, state, loads, modules);
   nanobind::gil_scoped_release release;
   const auto accelerate = K == 1 ? accelerate_chain<1> : accelerate_chain<2>;
-  return accelerate(model, chain, modules, contacts, stop_rad, aba, out);
+  return accelerate(model, chain, modules, contacts, stops, aba, out);
 }
 
 }  // namespace
@@ -40,8 +42,8 @@ void bind_constrained(nanobind::module_ &m) {
   namespace nb = nanobind;
   m.def(
       "constrained_accelerations", constrained_accelerations, nb::arg("model"), nb::arg("state"),
-      nb::arg("loads"), nb::arg("modules"), nb::arg("contacts"), nb::arg("stop_rad"),
-      nb::arg("aba"), nb::arg("out"),
+      nb::arg("loads"), nb::arg("modules"), nb::arg("contacts"), nb::arg("stops"), nb::arg("aba"),
+      nb::arg("out"),
       "Write the accelerations of a chain, hinges at their stops locked if they push outwards.\n\n"
       "Returns True if they are finite.");
 }

@@ -20,9 +20,9 @@ constexpr int MAX_STOP_CHANGES = 3;
 template <int K>
 class ConstrainedDynamics {
  public:
-  ConstrainedDynamics(const ChainModel &model, double stop_rad, Index hinges)
+  ConstrainedDynamics(const ChainModel &model, View<const double, 2> stops, Index hinges)
       : model_(model),
-        stop_rad_(stop_rad),
+        stops_(stops),
         algorithm_(model),
         outwards_(hinges),
         rotor_inertias_(hinges),
@@ -35,8 +35,8 @@ class ConstrainedDynamics {
            const Accelerations<double> &out) {
     bool is_any_at_stop = false;
     for (std::size_t j = 0; j < locked_.size(); ++j) {
-      locked_[j] = std::abs(chain.q[j]) >= stop_rad_;
-      outwards_[j] = locked_[j] ? std::copysign(1.0, chain.q[j]) : 0.0;
+      outwards_[j] = side_at_stop(stops_, static_cast<Index>(j), chain.q[j]);
+      locked_[j] = outwards_[j] != 0.0;
       is_any_at_stop = is_any_at_stop || locked_[j];
     }
     accelerate(chain, modules, contacts, bodies, out);
@@ -74,7 +74,7 @@ class ConstrainedDynamics {
   }
 
   const ChainModel &model_;
-  double stop_rad_;
+  View<const double, 2> stops_;
   ArticulatedBodyAlgorithm<double, K> algorithm_;
   std::vector<double> outwards_;  // 1 or −1 for a hinge at its stop, by its side; 0 for others
   std::vector<double> rotor_inertias_;

@@ -16,7 +16,7 @@ namespace foldback {
 struct SteppedChain {
   ChainModel model;
   View<const double, 1> rotor_inertias;
-  double stop_rad;
+  View<const double, 2> stops;
   ContactModel contact_model;
   ControlLimits control;
 };
@@ -32,7 +32,7 @@ struct GivenDrive {
   View<const double, 1> end_torque;
 };
 inline auto fields(SteppedChain &c) {
-  return std::tie(c.model, c.rotor_inertias, c.stop_rad, c.contact_model, c.control);
+  return std::tie(c.model, c.rotor_inertias, c.stops, c.contact_model, c.control);
 }
 inline auto fields(SteppedState &s) {
   return std::tie(s.reduced, s.modules, s.stiffness, s.control, s.time_s);
@@ -43,6 +43,7 @@ inline void require_stepped(const SteppedChain &chain, const SteppedState &state
   const Index J = state.reduced.q.size();
   require_state(state.reduced, chain.model, state.modules);
   require(chain.rotor_inertias.size() == J, "chain.rotor_inertias: (J,)");
+  require_stops(chain.stops, J);
   require_contact_model(chain.contact_model);
   require(state.stiffness.size() == J, "state.stiffness: (J,)");
 }
@@ -91,7 +92,7 @@ class ExplosionStep {
         state_(start.reduced),
         modules_(start.modules),
         stiffness_(start.stiffness),
-        dynamics_(chain.model, chain.stop_rad, state_.q.size()),
+        dynamics_(chain.model, chain.stops, state_.q.size()),
         S_(modules_.size() * K),
         U_(modules_.size() * K),
         D_(modules_.size() * K * K),
@@ -122,7 +123,7 @@ class ExplosionStep {
     scale_velocities(
         state_, limit_speeds(control, chain_.control, inverse_step_limit(), found.points.size()));
     advance_state(state_, control.step_s);
-    stop_hinges(state_, chain_.stop_rad);
+    stop_hinges(state_, chain_.stops);
     return MOVED;
   }
 

@@ -43,7 +43,8 @@ Vector<Lanes> shifted(const Vector<Lanes> &a, const Vector<Lanes> &alpha,
 // of one vector, each computed as it would be by itself.
 class FloatingTorques {
  public:
-  FloatingTorques(const Joint &joint, const double *inertia, const Lumps &lumps, Index modules)
+  FloatingTorques(const Joint &joint, View<const double, 2> inertia, const Lumps &lumps,
+                  Index modules)
       : joint_(joint),
         inertia_(inertia),
         lumps_(lumps),
@@ -81,7 +82,6 @@ class FloatingTorques {
   // Write poses, axes and inertias outwards, module 0 upright at the origin.
   void write_poses(const Lanes *q) {
     const Index hinges = joint_.hinges();
-    const Matrix<double> fixed = load_matrix(joint_.turn.data());
     Matrix<Lanes> rotation{};
     for (int r = 0; r < 3; ++r) rotation(r, r) += 1.0;
     Vector<Lanes> position{};
@@ -89,21 +89,22 @@ class FloatingTorques {
       FloatingBody &body = bodies_[i];
       body.mass = 1.0;
       body.position = position;
-      body.inertia = turned_inertia(rotation, inertia_);
+      body.inertia = turned_inertia(rotation, inertia_[joint_.row(i)].data());
       for (int end = 0; end < 2; ++end)
         if (i == end * (n_ - 1)) place_lump(end, position, rotation);
       if (i + 1 == n_) return;
       Link &link = links_[i];
-      link.to_pivot = rotate(rotation, joint_.anchor.data());
+      const JointKind kind = joint_.at(i);
+      link.to_pivot = rotate(rotation, kind.anchor.data());
       link.pivot = position + link.to_pivot;
       if (Index j = joint_.first_hinge(i); j >= 0)
         for (Index k = 0; k < hinges; ++k) {
-          const double *local = joint_.axes[k].data();
+          const double *local = kind.axes[k].data();
           axes_[i * hinges + k] = rotate(rotation, local);
           rotation = multiply(rotation, rodrigues(local, q[j + k]));
         }
-      rotation = multiply(rotation, fixed);
-      link.from_pivot = rotate(rotation, joint_.offset.data());
+      rotation = multiply(rotation, load_matrix(kind.turn.data()));
+      link.from_pivot = rotate(rotation, kind.offset.data());
       position = link.pivot + link.from_pivot;
     }
   }
@@ -231,7 +232,7 @@ class FloatingTorques {
   }
 
   const Joint &joint_;
-  const double *inertia_;
+  View<const double, 2> inertia_;
   const Lumps &lumps_;
   Index n_;
   std::vector<FloatingBody> bodies_;  // the modules, then the lumps of the first and the last one
@@ -268,17 +269,17 @@ class LaneRows {
 };
 
 FloatingTorques floating_torques_of(View<const double, 2> q, const Joint &joint,
-                                    View<const double, 1> inertia, const Lumps &lumps) {
+                                    View<const double, 2> inertia, const Lumps &lumps) {
   require_joint(joint);
   require_lumps(lumps);
   require(joint.hinges() > 0, "joint.axes: at least one hinge");
   require(q.axis(1) % joint.hinges() == 0, "q: (F, J), all hinges of joints");
-  require(inertia.size() == 3, "inertia: (3,)");
-  return {joint, inertia.data(), lumps, q.axis(1) / joint.hinges() + 1 + joint.rigid_links};
+  require_inertia(inertia, joint);
+  return {joint, inertia, lumps, q.axis(1) / joint.hinges() + 1 + joint.rigid_links};
 }
 
 void many_floating_torques(View<const double, 2> q, View<const double, 2> qd,
-                           View<const double, 2> qdd, Joint joint, View<const double, 1> inertia,
+                           View<const double, 2> qdd, Joint joint, View<const double, 2> inertia,
                            Lumps lumps, View<double, 2> out) {
   FloatingTorques torques = floating_torques_of(q, joint, inertia, lumps);
   require(qd.shape() == q.shape() && qdd.shape() == q.shape() && out.shape() == q.shape(),
@@ -298,7 +299,7 @@ void many_floating_torques(View<const double, 2> q, View<const double, 2> qd,
 // Write a and b of the torques a ü + b u̇² along a path: those of q̇ = 0, q̈ = q' and of q̇ = q',
 // q̈ = q''.
 void many_path_torques(View<const double, 2> q, View<const double, 2> first,
-                       View<const double, 2> second, Joint joint, View<const double, 1> inertia,
+                       View<const double, 2> second, Joint joint, View<const double, 2> inertia,
                        Lumps lumps, View<double, 2> a, View<double, 2> b) {
   FloatingTorques torques = floating_torques_of(q, joint, inertia, lumps);
   require(first.shape() == q.shape() && second.shape() == q.shape(), "q, first, second: (F, J)");

@@ -34,7 +34,7 @@ const T *hinges_behind(const Joint &joint, const T *q, Index i) {
 // Rotation from a module's frame to the next one's; q are the angles of the joint's hinges, and
 // null for a rigid link.
 template <class T>
-Matrix<T> step_rotation(const Joint &joint, const T *q) {
+Matrix<T> step_rotation(const JointKind &joint, const T *q) {
   const Matrix<double> turn = load_matrix(joint.turn.data());
   if (q == nullptr || joint.hinges() == 0) {
     Matrix<T> step{};
@@ -52,10 +52,11 @@ Matrix<T> step_rotation(const Joint &joint, const T *q) {
 template <class T>
 void write_chain_poses(const T *q, const Joint &joint, Index root, Index n, Vector<T> *positions,
                        Matrix<T> *rotations) {
-  const double *anchor = joint.anchor.data(), *offset = joint.offset.data();
   Matrix<T> rotation = rotations[root];
   for (Index i = root; i + 1 < n; ++i) {
-    Matrix<T> next = multiply(rotation, step_rotation(joint, hinges_behind(joint, q, i)));
+    const JointKind kind = joint.at(i);
+    const double *anchor = kind.anchor.data(), *offset = kind.offset.data();
+    Matrix<T> next = multiply(rotation, step_rotation(kind, hinges_behind(joint, q, i)));
     rotations[i + 1] = next;
     for (int r = 0; r < 3; ++r) {
       T total = positions[i][r];
@@ -66,7 +67,9 @@ void write_chain_poses(const T *q, const Joint &joint, Index root, Index n, Vect
   }
   rotation = rotations[root];
   for (Index i = root - 1; i >= 0; --i) {
-    Matrix<T> step = step_rotation(joint, hinges_behind(joint, q, i));
+    const JointKind kind = joint.at(i);
+    const double *anchor = kind.anchor.data(), *offset = kind.offset.data();
+    Matrix<T> step = step_rotation(kind, hinges_behind(joint, q, i));
     Matrix<T> before = multiply(rotation, transpose(step));
     rotations[i] = before;
     for (int r = 0; r < 3; ++r) {
@@ -88,7 +91,8 @@ inline void write_chain_poses(View<const double, 1> q, const Joint &joint, Index
 // ω of the next module relative to this one, in the world frame; q and qd are the angles and
 // rates of the joint's hinges.
 template <class T>
-Vector<T> relative_angular_velocity(Matrix<T> frame, const Joint &joint, const T *q, const T *qd) {
+Vector<T> relative_angular_velocity(Matrix<T> frame, const JointKind &joint, const T *q,
+                                    const T *qd) {
   Vector<T> omega{};
   for (Index k = 0; k < joint.hinges(); ++k) {
     const double *axis = joint.axes[k].data();
@@ -111,13 +115,14 @@ void write_chain_velocities(const T *q, const T *qd, const Joint &joint, Index r
     Index i = ahead ? root + step : n - 2 - step;
     Index from = ahead ? i : i + 1, to = ahead ? i + 1 : i;
     double sign = ahead ? 1.0 : -1.0;
+    const JointKind kind = joint.at(i);
     const Matrix<T> &rotation = modules.rotations[i];
     Vector<T> relative{};
     if (const T *angles = hinges_behind(joint, q, i))
-      relative = relative_angular_velocity(rotation, joint, angles, hinges_behind(joint, qd, i));
+      relative = relative_angular_velocity(rotation, kind, angles, hinges_behind(joint, qd, i));
     Vector<T> pivot = modules.positions[i];
     for (int c = 0; c < 3; ++c)
-      for (int r = 0; r < 3; ++r) pivot[r] += rotation(r, c) * joint.anchor[c];
+      for (int r = 0; r < 3; ++r) pivot[r] += rotation(r, c) * kind.anchor[c];
     Vector<T> *omega = modules.angular_velocities, *velocities = modules.velocities;
     omega[to] = omega[from] + scaled(relative, sign);
     Vector<T> near = cross(omega[from], pivot - modules.positions[from]);

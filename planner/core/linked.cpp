@@ -18,13 +18,15 @@ namespace {
 
 constexpr double MAX_ROUNDING = 1e-12;  // of a computed h, in pitches
 
-// A joint and the two hulls that it links.
+// The joints and the hulls that they link.
 struct Link {
   Joint joint;
   Hull hull;
   double size;
-  View<const double, 1> face;  // unit normal of the next module's near face, in that module's frame
-  double distance;             // of that face from the joint, in pitches
+  // Of each row of the joints: unit normal of the next module's near face in that module's frame,
+  // and the distance of that face from the joint, in pitches.
+  View<const double, 2> face;
+  View<const double, 1> distance;
 };
 auto fields(Link &l) { return std::tie(l.joint, l.hull, l.size, l.face, l.distance); }
 
@@ -70,11 +72,12 @@ class LinkedOverlap {
         halfway_(here_.size()),
         last_(windows.folded.size()),
         last_extension_(windows.folded.size() / link.joint.hinges(), INFINITE) {
-    const Vector<double> anchor = load(link.joint.anchor.data());
     for (Index v = 0; v < link.hull.vertices.size(); ++v) {
       corners_.push_back(scaled(load(link.hull.vertices[v].data()), link.size));
-      const Vector<double> arm = corners_.back() - anchor;
-      longest_ = std::max(longest_, std::sqrt(dot(arm, arm)));
+      for (Index r = 0; r < link.joint.anchor.size(); ++r) {
+        const Vector<double> arm = corners_.back() - load(link.joint.anchor[r].data());
+        longest_ = std::max(longest_, std::sqrt(dot(arm, arm)));
+      }
     }
   }
 
@@ -126,32 +129,35 @@ class LinkedOverlap {
 
   // h, by which a module extends through the near face of the next one, in pitches.
   double extension(const std::vector<double> &angles, Index module) const {
-    Vector<double> towards = rotate(load_matrix(link_.joint.turn.data()), link_.face.data());
+    const Index row = link_.joint.row(module);
+    const JointKind kind = link_.joint.of_row(row);
+    Vector<double> towards = rotate(load_matrix(kind.turn.data()), link_.face[row].data());
     for (std::size_t k = angles.size(); k-- > 0;)
-      towards = rotate_about(link_.joint.axes[k].data(), angles[k], towards);
+      towards = rotate_about(kind.axes[k].data(), angles[k], towards);
     double extent = -INFINITE;
     const Index piece = link_.hull.piece(module);
     const Index first = link_.hull.pieces(piece, 0), last = link_.hull.pieces(piece, 1) - 1;
     for (Index v = link_.hull.parts(first, 0); v < link_.hull.parts(last, 1); ++v)
       extent = std::max(extent, dot(corners_[v], towards));
-    return extent - dot(load(link_.joint.anchor.data()), towards) - link_.distance;
+    return extent - dot(load(kind.anchor.data()), towards) - link_.distance[row];
   }
 
   // Overlap of a module and the next one by separating axes, in pitches; below 0 if they are apart.
   double overlap(const std::vector<double> &angles, Index module) const {
+    const JointKind kind = link_.joint.at(module);
     Matrix<double> rotation;
     Vector<double> gap{0.0, 0.0, 0.0};
     for (int c = 0; c < 3; ++c) {
-      Vector<double> column{link_.joint.turn(0, c), link_.joint.turn(1, c), link_.joint.turn(2, c)};
+      Vector<double> column{kind.turn(0, c), kind.turn(1, c), kind.turn(2, c)};
       for (std::size_t k = angles.size(); k-- > 0;)
-        column = rotate_about(link_.joint.axes[k].data(), angles[k], column);
+        column = rotate_about(kind.axes[k].data(), angles[k], column);
       for (int r = 0; r < 3; ++r) {
         rotation(r, c) = column[r];
-        gap[r] += column[r] * link_.joint.offset[c];
+        gap[r] += column[r] * kind.offset[c];
       }
     }
     const Matrix<double> upright{{1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0}};
-    gap = gap + load(link_.joint.anchor.data());
+    gap = gap + load(kind.anchor.data());
     return -solid_.separation(module, module + 1, gap, upright, rotation, INFINITE).distance;
   }
 
@@ -177,7 +183,8 @@ void bind_linked(nanobind::module_ &m) {
         require_joint(link.joint);
         require_hull(link.hull);
         require(link.joint.hinges() > 0, "link.joint.axes: at least one hinge");
-        require(link.face.size() == 3, "link.face: (3,)");
+        require(link.face.shape() == link.joint.anchor.shape(), "link.face: (T, 3)");
+        require(link.distance.size() == link.face.size(), "link.distance: (T,)");
         require(folded.size() % link.joint.hinges() == 0, "folded: all hinges of joints");
         Windows windows{folded, first, offsets, values};
         require(offsets.size() == first.size() + 1, "offsets: (F + 1,)");

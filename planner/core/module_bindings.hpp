@@ -6,7 +6,9 @@
 
 namespace foldback {
 
-inline auto fields(Joint &j) { return std::tie(j.rigid_links, j.anchor, j.axes, j.turn, j.offset); }
+inline auto fields(Joint &j) {
+  return std::tie(j.rigid_links, j.first, j.kinds, j.anchor, j.axes, j.turn, j.offset);
+}
 inline auto fields(Hull &h) {
   return std::tie(h.vertices, h.normals, h.edges, h.parts, h.pieces, h.kinds, h.first, h.radius);
 }
@@ -20,9 +22,25 @@ inline auto fields(ChainModel &m) {
 
 inline void require_joint(const Joint &joint) {
   require(joint.rigid_links >= 0, "joint.rigid_links: not negative");
-  require(joint.anchor.size() == 3 && joint.offset.size() == 3, "joint.anchor, offset: (3,)");
-  require(joint.axes.axis(1) == 3, "joint.axes: (K, 3)");
-  require(joint.turn.shape() == std::array<Index, 2>{3, 3}, "joint.turn: (3, 3)");
+  require(joint.first >= 0, "joint.first: not negative");
+  const Index rows = joint.anchor.size();
+  require(rows > 0 && joint.anchor.axis(1) == 3, "joint.anchor: (T, 3)");
+  require(joint.offset.shape() == joint.anchor.shape(), "joint.offset: (T, 3)");
+  require(joint.axes.size() == rows && joint.axes.axis(2) == 3, "joint.axes: (T, K, 3)");
+  require(joint.turn.shape() == std::array<Index, 3>{rows, 3, 3}, "joint.turn: (T, 3, 3)");
+  require(joint.kinds.size() > 0, "joint.kinds: (period,)");
+  for (Index k = 0; k < joint.kinds.size(); ++k)
+    require(joint.kinds[k] >= 0 && joint.kinds[k] < rows, "joint.kinds: rows of the table");
+  require(joint.kinds.size() > 1 || joint.kinds[0] == 0, "joint.kinds: row 0 if there is one kind");
+}
+
+inline void require_stops(View<const double, 2> stops, Index hinges) {
+  require(stops.shape() == std::array<Index, 2>{hinges, 2}, "stops: (J, 2)");
+}
+
+// Raise ValueError unless these are moments of inertia, one row for each of the joints.
+inline void require_inertia(View<const double, 2> inertia, const Joint &joint) {
+  require(inertia.shape() == joint.anchor.shape(), "inertia: (T, 3)");
 }
 
 inline void require_range(Index begin, Index end, Index size, const char *expected) {
@@ -63,7 +81,7 @@ inline void require_model(const ChainModel &model) {
   require_joint(model.joint);
   require(model.joint.hinges() == 1 || model.joint.hinges() == 2, "joint.axes: one or two hinges");
   require(model.masses.size() > 0, "model.masses: at least one module");
-  require(model.inertia.size() == 3, "model.inertia: (3,)");
+  require_inertia(model.inertia, model.joint);
   require(model.root >= 0 && model.root < model.masses.size(), "model.root: index of a module");
   require_lumps(model.lumps);
 }

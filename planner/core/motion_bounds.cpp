@@ -104,11 +104,7 @@ class OutwardPass {
         half_(half),
         joint_(joint),
         step_(step),
-        near_(step > 0 ? joint.anchor.data() : joint.offset.data()),
-        far_(step > 0 ? joint.offset.data() : joint.anchor.data()),
-        near_arm_(length(load(near_))),
-        far_arm_(length(load(far_))),
-        turn_(load_matrix(joint.turn.data())) {}
+        longest_(longest_link(joint)) {}
 
   void run(Index root, View<Body, 1> bodies) {
     const Index last = step_ > 0 ? bodies.size() - 1 : 0;
@@ -116,9 +112,23 @@ class OutwardPass {
   }
 
  private:
+  // Take the row of the table that the joint behind module i has.
+  void take_row(Index i) {
+    const Index row = joint_.row(i);
+    if (row == row_) return;
+    row_ = row;
+    kind_ = joint_.of_row(row);
+    near_ = step_ > 0 ? kind_.anchor.data() : kind_.offset.data();
+    far_ = step_ > 0 ? kind_.offset.data() : kind_.anchor.data();
+    near_arm_ = length(load(near_));
+    far_arm_ = length(load(far_));
+    turn_ = load_matrix(kind_.turn.data());
+  }
+
   // Write the body behind the joint of body i.
   void pass_joint(Index i, const Body &root_body, Index root, View<Body, 1> bodies) {
     const Index next = i + step_, link = std::min(i, next) - joint_.rigid_links;
+    take_row(std::min(i, next));
     const Body &a = bodies[i];
     Body b = a;
     Matrix<double> frame = a.rotation;
@@ -131,7 +141,7 @@ class OutwardPass {
     double jerk = a.jerk_bound + near_arm_ * rotation_jerk_bound(a);
     jerk += far_arm_ * rotation_jerk_bound(b);
     bound_centre(b, root_body, jerk, half_, sums_,
-                 static_cast<double>(std::abs(next - root)) * (near_arm_ + far_arm_));
+                 static_cast<double>(std::abs(next - root)) * longest_);
     b.rate_sum = root_body.rate_sum + step_ * sums_.rate;
     bodies[next] = b;
   }
@@ -141,7 +151,7 @@ class OutwardPass {
     const Index hinges = joint_.hinges();
     for (Index at = 0; at < hinges; ++at) {
       Index k = step_ > 0 ? at : hinges - 1 - at;
-      const double *axis = joint_.axes[k].data();
+      const double *axis = kind_.axes[k].data();
       double rate = rates_[link * hinges + k], angle = angles_[link * hinges + k];
       if (rate != 0.0) pass_hinge(b, rotate(frame, axis), rate * step_, half_, centre, sums_);
       if (angle != 0.0) frame = multiply(frame, rodrigues(axis, angle * step_));
@@ -152,9 +162,13 @@ class OutwardPass {
   double half_;
   const Joint &joint_;
   int step_;
-  const double *near_, *far_;
-  double near_arm_, far_arm_;
-  Matrix<double> turn_;
+  double longest_;
+  // Of the joint at hand.
+  Index row_ = -1;
+  JointKind kind_;
+  const double *near_ = nullptr, *far_ = nullptr;
+  double near_arm_ = 0.0, far_arm_ = 0.0;
+  Matrix<double> turn_{};
   LeverSums sums_;
 };
 
@@ -165,7 +179,7 @@ struct Magnitudes {
 };
 
 double third_derivative_bound(const Body &a, const Body &b, double half, double radius,
-                              double links, Magnitudes m) {
+                              double reach, Magnitudes m) {
   double rates = std::abs(b.rate_sum - a.rate_sum);  // S
   double cube = rates * rates * rates;
   double w = a.speed_bound, u = a.acceleration_bound;
@@ -175,7 +189,7 @@ double third_derivative_bound(const Body &a, const Body &b, double half, double 
   double acceleration = m.acceleration + half * jerk;
   double distance = m.distance + half * speed;
   jerk += 3.0 * (w * acceleration + (u + w * w) * speed) + rotation_jerk_bound(a) * distance;
-  jerk = std::min(jerk, cube * links);
+  jerk = std::min(jerk, cube * reach);
   // The same for |y|, then Ψ, the bounds of |ψ'| and |ψ|, and Q.
   double angular_jerk = a.angular_jerk_bound + b.angular_jerk_bound;
   double difference = m.spin + half * (m.difference_rate + 0.5 * half * angular_jerk);
@@ -211,7 +225,7 @@ void move_bodies(View<const double, 1> angles, View<const double, 1> rates, doub
   OutwardPass(angles, rates, half, joint, -1).run(root, bodies);
 }
 
-Approach approach_of(const Body &a, const Body &b, double half, double radius, double links) {
+Approach approach_of(const Body &a, const Body &b, double half, double radius, double reach) {
   const Vector<double> d = b.position - a.position, v = b.velocity - a.velocity;
   const Vector<double> acceleration = b.acceleration - a.acceleration;
   const Vector<double> &w = a.omega, &t = a.alpha;
@@ -233,7 +247,7 @@ Approach approach_of(const Body &a, const Body &b, double half, double radius, d
                         length(difference_rate - cross(w, motion.omega)),
                         length(difference_rate)};
   double spin = magnitudes.spin;
-  double third = third_derivative_bound(a, b, half, radius, links, magnitudes);
+  double third = third_derivative_bound(a, b, half, radius, reach, magnitudes);
   motion.remainder = 0.5 * half * half * radius * (magnitudes.spin_rate + spin * spin);
   motion.remainder += half * half * half / 6.0 * third;
   double loss =
@@ -295,14 +309,14 @@ void bind_motion_bounds(nanobind::module_ &m) {
       nb::arg("bodies"), "Write all bodies of a stretch of a chain: lemmas 1 to 4.");
   m.def(
       "relative_motion_bound",
-      [](View<const double, 1> a, View<const double, 1> b, double half, double radius, double links,
+      [](View<const double, 1> a, View<const double, 1> b, double half, double radius, double reach,
          View<double, 1> relative) {
         require(relative.size() == RELATIVE_COLUMNS, "relative: (RELATIVE_COLUMNS,)");
-        Approach approach = approach_of(body_at(a), body_at(b), half, radius, links);
+        Approach approach = approach_of(body_at(a), body_at(b), half, radius, reach);
         *reinterpret_cast<RelativeMotion *>(relative.data()) = approach.motion;
         return nb::make_tuple(approach.loss, approach.distance);
       },
-      nb::arg("a"), nb::arg("b"), nb::arg("half"), nb::arg("radius"), nb::arg("links"),
+      nb::arg("a"), nb::arg("b"), nb::arg("half"), nb::arg("radius"), nb::arg("reach"),
       nb::arg("relative"), "Bound how near body b gets to body a: lemmas 5 and 6.");
   m.def(
       "directional_motion_bound",

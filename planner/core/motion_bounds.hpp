@@ -8,6 +8,7 @@
 // The bounds grow with actual angular velocities, and not only with the sum of the hinge rates.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include "module.hpp"
@@ -32,6 +33,15 @@ static_assert(sizeof(Body) == BODY_COLUMNS * sizeof(double));
 
 inline double length(const Vector<double> &v) {
   return std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z);
+}
+
+// Longest way from a module's centre by a joint to the next one's, in pitches.
+inline double longest_link(const Joint &joint) {
+  double longest = 0.0;
+  for (Index r = 0; r < joint.anchor.size(); ++r)
+    longest = std::max(longest,
+                       length(load(joint.anchor[r].data())) + length(load(joint.offset[r].data())));
+  return longest;
 }
 
 // The bound B of |r'''| for a vector r of length 1 fixed in a body: lemma 2.
@@ -65,8 +75,9 @@ struct Approach {
 };
 
 // Bound how near body b gets to body a within |s| ≤ half: lemmas 5 and 6. `radius` is ρ, of the
-// ball about a module, `links` the number k of links between the two that move against each other.
-Approach approach_of(const Body &a, const Body &b, double half, double radius, double links);
+// ball about a module, `reach` the greatest length of the links between the two that move against
+// each other: the number k of them, where each is one pitch long.
+Approach approach_of(const Body &a, const Body &b, double half, double radius, double reach);
 
 // loss(n) of lemma 6: how near any point of b gets along a unit axis fixed in a.
 double loss_along(const RelativeMotion &motion, const Vector<double> &axis, double half,

@@ -20,16 +20,19 @@ double squared_distance(View<const double, 2> points, Index i, Index j) {
 void walk_along(View<const double, 2> points, double cutoff, Index apart,
                 std::vector<Pair> &pairs) {
   const double limit = cutoff * cutoff;
+  double longest = 1.0;  // distance of consecutive points, in pitches
+  for (Index i = 1; i < points.size(); ++i)
+    longest = std::max(longest, std::sqrt(squared_distance(points, i - 1, i)));
   for (Index i = 0; i < points.size(); ++i) {
     for (Index j = i + apart; j < points.size(); ++j) {
       double square = squared_distance(points, i, j);
       if (square < limit) {
         pairs.push_back({i, j});
       } else if (square < MAX_SQUARED_DISTANCE) {
-        // Consecutive points are at most one pitch apart. So a point that is k pitches beyond the
-        // cutoff has k followers that are too far as well. A distance that is not finite allows no
-        // such conclusion, and has no value as an integer.
-        j += static_cast<Index>(std::sqrt(square) - cutoff);
+        // A point that is k of the longest links beyond the cutoff has k followers that are too far
+        // as well. A distance that is not finite allows no such conclusion, and has no value as an
+        // integer.
+        j += static_cast<Index>((std::sqrt(square) - cutoff) / longest);
       }
     }
   }

@@ -83,10 +83,11 @@ void advance_state(const ReducedState &state, double step_s) {
   store(product, state.rotation.data());
 }
 
-void stop_hinges(const ReducedState &state, double max_rad) {
+void stop_hinges(const ReducedState &state, View<const double, 2> stops) {
   for (Index j = 0; j < state.q.size(); ++j) {
-    if (!(std::abs(state.q[j]) > max_rad)) continue;
-    state.q[j] = std::copysign(max_rad, state.q[j]);
+    const double low = stops(j, 0), high = stops(j, 1);
+    if (!(state.q[j] > high || state.q[j] < low)) continue;
+    state.q[j] = state.q[j] > high ? high : low;
     state.qd[j] = 0.0;
   }
 }

@@ -28,7 +28,8 @@ void accelerate(const ReducedState &state, const Accelerations<double> &accelera
 // q ← q + h q̇.
 void advance_state(const ReducedState &state, double step_s);
 
-// Set hinges beyond their range back to its end, at rest: a joint's stop gives nothing.
-void stop_hinges(const ReducedState &state, double max_rad);
+// Set hinges beyond their range back to its end, at rest: a joint's stop gives nothing. Stops are
+// (J, 2) smallest and largest angles.
+void stop_hinges(const ReducedState &state, View<const double, 2> stops);
 
 }  // namespace foldback

@@ -43,14 +43,15 @@ struct TeamServos {
 struct RobotTeam {
   Joint joint;
   View<const double, 2> masses;
-  View<const double, 1> inertia;
+  View<const double, 2> inertia;
   TeamLumps lumps;
   Index root;
   TeamServos servos;
   Hull hull;
   double size;
   View<const double, 2> centres;
-  double step_s, stop_rad;
+  double step_s;
+  View<const double, 2> stops;
   Index size_of_team() const { return masses.size(); }
   Index modules() const { return masses.axis(1); }
 };
@@ -81,7 +82,7 @@ auto fields(TeamServos &s) {
 }
 auto fields(RobotTeam &t) {
   return std::tie(t.joint, t.masses, t.inertia, t.lumps, t.root, t.servos, t.hull, t.size,
-                  t.centres, t.step_s, t.stop_rad);
+                  t.centres, t.step_s, t.stops);
 }
 auto fields(ServoTargets &t) { return std::tie(t.q, t.qd, t.feedforward); }
 auto fields(TeamState &s) {
@@ -229,7 +230,7 @@ class LaneRobots {
         S_(team.modules() * K),
         U_(team.modules() * K),
         D_(team.modules() * K * K),
-        model_{team.joint, masses_.data(), team.inertia.data(), {}, team.root},
+        model_{team.joint, masses_.data(), team.inertia, {}, team.root},
         state_{q_.data(), qd_.data(), {}, {}, {}, {}},
         modules_{positions_.data(), rotations_.data(), velocities_.data(), omegas_.data(),
                  team.modules()},
@@ -256,8 +257,7 @@ class LaneRobots {
       drive();
       for (int lane = 0; lane < LANES; ++lane)
         if (is_moving_[lane] && !stays_finite(lane)) leave(lane);
-      integrate(state_, qdd_.data(), root_, team_.step_s, team_.stop_rad, hinges_, model_,
-                modules_);
+      integrate(state_, qdd_.data(), root_, team_.step_s, team_.stops, hinges_, model_, modules_);
       remove_momentum(state_, centre_, model_, modules_);
       for (int lane = 0; lane < LANES; ++lane)
         if (is_moving_[lane]) write_step(lane);
@@ -314,9 +314,9 @@ class LaneRobots {
   }
 
   bool is_at_stop(int lane) const {
-    return std::any_of(q_.begin(), q_.end(), [&](const Lanes &angles) {
-      return std::abs(angles[lane]) >= team_.stop_rad;
-    });
+    for (Index j = 0; j < hinges_; ++j)
+      if (side_at_stop(team_.stops, j, q_[j][lane]) != 0.0) return true;
+    return false;
   }
 
   bool stays_finite(int lane) const {
@@ -457,7 +457,8 @@ void require_team(const RobotTeam &team, Index hinges) {
   require(team.joint.hinges() == 1 || team.joint.hinges() == 2, "joint.axes: one or two hinges");
   require(R > 0 && n > 0, "masses: (R, n)");
   require(hinges == std::max<Index>(0, team.joint.first_hinge(n - 1)), "targets.q: (S, J)");
-  require(team.inertia.size() == 3, "inertia: (3,)");
+  require_inertia(team.inertia, team.joint);
+  require_stops(team.stops, hinges);
   require(team.root >= 0 && team.root < n, "root: index of a module");
   require(team.lumps.masses.shape() == std::array<Index, 2>{R, 2}, "lumps.masses: (R, 2)");
   require(team.lumps.centres.shape() == std::array<Index, 3>{R, 2, 3}, "lumps.centres: (R, 2, 3)");

@@ -39,8 +39,7 @@ void store(const RobotState<double> &robot, const ReducedState &state) {
 }
 
 RobotModel<double> robot_model(const ChainModel &model) {
-  return {model.joint, model.masses.data(), model.inertia.data(), lump_pair(model.lumps),
-          model.root};
+  return {model.joint, model.masses.data(), model.inertia, lump_pair(model.lumps), model.root};
 }
 
 void servo_torques(View<const double, 1> q, View<const double, 1> qd, ServoTarget target,
@@ -61,8 +60,8 @@ void servo_torques(View<const double, 1> q, View<const double, 1> qd, ServoTarge
   }
 }
 
-bool advance(ReducedState state, AccelerationViews accelerations, double step_s, double stop_rad,
-             ChainModel model, ModuleStates modules) {
+bool advance(ReducedState state, AccelerationViews accelerations, double step_s,
+             View<const double, 2> stops, ChainModel model, ModuleStates modules) {
   require_state(state, model, modules);
   require(accelerations.qdd.size() == state.q.size(), "accelerations.qdd: (J,)");
   require(accelerations.root.size() == 6, "accelerations.root: (6,)");
@@ -73,7 +72,7 @@ bool advance(ReducedState state, AccelerationViews accelerations, double step_s,
                 std::isfinite(state.q[j] + step_s * (state.qd[j] + step_s * accelerations.qdd[j]));
   RobotState<double> robot = loaded(state);
   const Accelerations<double> changes = accelerations_of(accelerations);
-  integrate(robot, changes.qdd, *changes.root, step_s, stop_rad, state.q.size(), robot_model(model),
+  integrate(robot, changes.qdd, *changes.root, step_s, stops, state.q.size(), robot_model(model),
             motion_of(modules));
   store(robot, state);
   return is_finite;
@@ -99,7 +98,7 @@ void bind_servo_step(nanobind::module_ &m) {
         nb::arg("friction_damping"),
         "Write the torques of servos as if the present angles were those at the end of the step.");
   m.def("advance", advance, nb::arg("state"), nb::arg("accelerations"), nb::arg("step_s"),
-        nb::arg("stop_rad"), nb::arg("model"), nb::arg("modules"),
+        nb::arg("stops"), nb::arg("model"), nb::arg("modules"),
         "Integrate by semi-implicit Euler; hinges halt at their stops.\n\n"
         "Returns True if all hinge angles are finite.");
   m.def("remove_net_momentum", remove_net_momentum, nb::arg("model"), nb::arg("centre"),

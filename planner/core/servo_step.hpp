@@ -85,7 +85,7 @@ template <class T>
 struct RobotModel {
   const Joint &joint;
   const T *masses;
-  const double *inertia;
+  View<const double, 2> inertia;
   LumpPair<T> lumps;
   Index root;
 };
@@ -125,15 +125,15 @@ void write_modules_of(const RobotState<T> &state, const Joint &joint, Index root
 // at their stops. Poses and velocities of all modules follow.
 template <class T>
 void integrate(RobotState<T> &state, const T *qdd, const Spatial<T> &root, double step_s,
-               double stop_rad, Index hinges, const RobotModel<T> &model,
+               View<const double, 2> stops, Index hinges, const RobotModel<T> &model,
                const ModuleMotion<T> &modules) {
   for (Index j = 0; j < hinges; ++j) {
     T rate = state.qd[j] + step_s * qdd[j];
     T angle = state.q[j] + step_s * rate;
-    auto is_beyond = absolute(angle) > stop_rad;
-    state.q[j] =
-        is_beyond ? mapped(angle, [=](double x) { return std::copysign(stop_rad, x); }) : angle;
-    state.qd[j] = is_beyond ? T{} : rate;
+    auto is_below = angle<stops(j, 0), is_above = angle> stops(j, 1);
+    angle = is_below ? T{} + stops(j, 0) : angle;
+    state.q[j] = is_above ? T{} + stops(j, 1) : angle;
+    state.qd[j] = is_below | is_above ? T{} : rate;
   }
   for (int r = 0; r < 3; ++r) {
     state.velocity[r] += step_s * root.linear[r];
@@ -170,8 +170,8 @@ MovingBody<T> body_of(Index b, const RobotModel<T> &model, const ModuleMotion<T>
   const Vector<T> &omega = modules.angular_velocities[i];
   if (b < n) {
     T mass = model.masses[i];
-    return {mass, centre, velocity, SpatialInertia<T>::of_body(rotation, mass, model.inertia).A,
-            omega};
+    const double *moments = model.inertia[model.joint.row(i)].data();
+    return {mass, centre, velocity, SpatialInertia<T>::of_body(rotation, mass, moments).A, omega};
   }
   int end = static_cast<int>(b - n);
   Lump<T> lump = lump_in_world(model.lumps, end, rotation);

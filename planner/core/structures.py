@@ -5,13 +5,14 @@ Lengths are in pitches, masses in module masses, times in seconds and angles in 
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+IndexT = TypeVar("IndexT", int, NDArray[np.int64])
 Pairs = NDArray[np.int64]
 Indices = NDArray[np.int64]
 Int32s = NDArray[np.int32]
@@ -22,21 +23,41 @@ Levels = NDArray[np.int8]
 
 
 class Joint(NamedTuple):
-    """Pose of a module relative to the module before it, in pitches.
+    """Poses of modules relative to the modules before them, in pitches.
+
+    Rows of a table of T joints follow each other along a chain: the joint behind module i has row
+    ``kinds[(first + i) % len(kinds)]``.
 
     Attributes:
         rigid_links: Number of links without hinges at the start of a chain.
-        anchor: (3,) centre of the joint in the frame of the module before it.
-        axes: (K, 3) unit hinge axes, outermost first.
-        turn: (3, 3) fixed rotation from the joint's frame to the next module's frame.
-        offset: (3,) centre of the next module seen from the joint, in the next module's frame.
+        first: Number of module 0 in the chain that ``kinds`` begins with: not 0 in a window.
+        kinds: (period,) rows of the joints.
+        anchor: (T, 3) centre of the joint in the frame of the module before it.
+        axes: (T, K, 3) unit hinge axes, outermost first.
+        turn: (T, 3, 3) fixed rotation from the joint's frame to the next module's frame.
+        offset: (T, 3) centre of the next module seen from the joint, in the next module's frame.
     """
 
     rigid_links: int
+    first: int
+    kinds: Ints
     anchor: Array
     axes: Array
     turn: Array
     offset: Array
+
+    @property
+    def hinges(self) -> int:
+        """K, the number of hinges of one joint."""
+        return self.axes.shape[1]
+
+    def row(self, module: IndexT) -> IndexT:
+        """Return the row of the joint behind a module, or behind each of an array."""
+        return self.kinds[(self.first + module) % len(self.kinds)]
+
+    def window(self, first: int, rigid_links: int = 0) -> Joint:
+        """Return the joints of the modules from ``first`` on."""
+        return self._replace(first=self.first + first, rigid_links=rigid_links)
 
 
 class Hull(NamedTuple):
@@ -137,9 +158,10 @@ class ChainModel(NamedTuple):
     """Inertial parameters of a chain of n modules.
 
     Attributes:
-        joint: The module's joint.
+        joint: The chain's joints.
         masses: (n,) masses of the modules, in module masses.
-        inertia: (3,) principal moments of a module of mass 1 about its centre, in pitch².
+        inertia: (T, 3) principal moments of modules of mass 1 about their centres, in pitch²; a
+            module's row is that of the joint behind it.
         lumps: Rigid bodies at both ends of the chain.
         fixed_base: True if module 0 is held.
         root: Index of the module whose motion is part of the reduced state.
@@ -361,9 +383,9 @@ class RobotTeam(NamedTuple):
     """R robots of the same chain, which differ in masses, friction and encoders alone.
 
     Attributes:
-        joint: The module's joint.
+        joint: The chain's joints.
         masses: (R, n) masses of the modules.
-        inertia: (3,) principal moments of a module of mass 1 about its centre.
+        inertia: (T, 3) principal moments of modules of mass 1, see ``ChainModel``.
         lumps: Rigid bodies at both ends, the robots being the first axis.
         root: Index of the module whose pose is part of the state.
         servos: Their servos: offsets and friction are (R, J).
@@ -371,7 +393,7 @@ class RobotTeam(NamedTuple):
         size: Scale of the hull for contacts.
         centres: (R, 3) centres of mass, which stay where they are, in pitches.
         step_s: Time step h.
-        stop_rad: Angle of the stops, either way.
+        stops: (J, 2) smallest and largest angle of each hinge, rad; infinite for none.
     """
 
     joint: Joint
@@ -384,7 +406,7 @@ class RobotTeam(NamedTuple):
     size: float
     centres: Array
     step_s: float
-    stop_rad: float
+    stops: Array
 
 
 class RobotStates(NamedTuple):
@@ -563,21 +585,21 @@ class SweepResult(NamedTuple):
 
 
 class Link(NamedTuple):
-    """A joint and the two hulls that it links.
+    """The joints of a chain and the hulls that they link.
 
     Attributes:
-        joint: The joint.
-        hull: Full-size hull of both modules.
+        joint: The joints.
+        hull: Full-size hull of the modules.
         size: Scale of the hulls.
-        face: (3,) unit normal of the next module's near face, in that module's frame.
-        distance: Distance of that face from the joint in pitches.
+        face: (T, 3) unit normals of the next module's near face, in that module's frame.
+        distance: (T,) distances of that face from the joint in pitches.
     """
 
     joint: Joint
     hull: Hull
     size: float
     face: Array
-    distance: float
+    distance: Array
 
 
 class Overlap(NamedTuple):
@@ -660,14 +682,14 @@ class SteppedChain(NamedTuple):
     Attributes:
         model: Inertial parameters.
         rotor_inertias: (J,) rotor inertias of the hinges.
-        stop_rad: Angle of the hinges' stops, either way.
+        stops: (J, 2) smallest and largest angle of each hinge, rad; infinite for none.
         contact_model: Stiffness of contacts, with the smallest time constant; it is two steps.
         control: Limits of step, drag and tension.
     """
 
     model: ChainModel
     rotor_inertias: Array
-    stop_rad: float
+    stops: Array
     contact_model: ContactModel
     control: ControlLimits
 

@@ -54,7 +54,13 @@ Sweep::Sweep(const Shape &shape, const Angles &angles, double cutoff, View<const
       cutoff_(cutoff),
       rigid_(rigid),
       per_frame_(per_frame),
-      ratio_(ratio) {
+      ratio_(ratio),
+      link_(longest_link(shape.joint)),
+      arm_(shape.hull.radius * shape.size) {
+  double anchor = 0.0;
+  for (Index r = 0; r < shape.joint.anchor.size(); ++r)
+    anchor = std::max(anchor, length(load(shape.joint.anchor[r].data())));
+  arm_ += anchor;
   if (has_errors())
     for (auto &row : allowances_) row.resize(shape.modules());
 }
@@ -84,6 +90,7 @@ void Sweep::set_stretch(Index frame, Index to) {
   part_.high = high;
   part_.joint = joint;
   part_.joint.rigid_links = rigid;
+  part_.joint.first += low;
   part_.root = std::max<Index>(0, shape_.root);
   part_.start.resize(count);
   part_.rates.resize(count);
@@ -132,7 +139,7 @@ void Sweep::write_allowances() {
   Index tail = shape_.modules() - 1 - part_.high;
   for (int row = 0; row < (tail > 0 ? 2 : 1); ++row)
     write_largest_allowances(
-        shape_.tolerance, extent + static_cast<double>(row * tail), shape_.arm(),
+        shape_.tolerance, extent + link_ * static_cast<double>(row * tail), link_, arm_,
         static_cast<double>(shape_.joint.hinges()),
         View<double, 1>(allowances_[row].data(), {static_cast<Index>(allowances_[row].size())}));
 }
@@ -187,7 +194,8 @@ bool Sweep::find_pairs_along(double half, double reach) {
   const Index m = static_cast<Index>(bodies_.size());
   // How much nearer modules i and j may come, given how far they move in total.
   auto nearing = [&](Index i, Index j, double displacement) {
-    double between = half * std::abs(bodies_[j].rate_sum - bodies_[i].rate_sum) * (j - i);
+    double between = half * std::abs(bodies_[j].rate_sum - bodies_[i].rate_sum) * link_;
+    between *= static_cast<double>(j - i);
     return std::min(displacement, between);
   };
   write_blocks();
@@ -266,8 +274,9 @@ bool Sweep::append_tail_pairs(double half, double reach) {
     double gap = std::sqrt(outside) - reach - last.displacement_bound;
     gap -= length(load(place)) * sway;
     if (gap > 0.0) {
-      // Per link the distance and the displacement change by no more than 1 + sway together.
-      t += 1 + static_cast<Index>(gap / (1.0 + sway));
+      // Per link the distance and the displacement change by no more than its length times
+      // 1 + sway together.
+      t += 1 + static_cast<Index>(gap / (link_ * (1.0 + sway)));
       continue;
     }
     Body module = rod_body(last, place, load_matrix(shape_.tail_rotations[t].data()), half);
@@ -294,7 +303,7 @@ bool Sweep::find_pairs(double half, double reach) {
 Levers Sweep::levers(const Body &a, const Body &b, const Pair &pair, double half,
                      double share) const {
   const Body &last = bodies_.back();
-  const double sway = std::min(2.0, half * last.speed_bound), arm = shape_.arm();
+  const double sway = std::min(2.0, half * last.speed_bound), arm = arm_;
   const Index count = static_cast<Index>(bodies_.size());
   Levers levers;
   for (Index k = pair.first; k < pair.second; ++k) {
@@ -347,7 +356,8 @@ void Sweep::check_pair(const Pair &pair, double half, double target, Check &chec
   const double radius = solid_.radius();
   Approach approach{{}, 0.0, 0.0};
   if (half > 0.0)
-    approach = approach_of(a, b, half, radius, static_cast<double>(j - std::max(i, part_.low)));
+    approach =
+        approach_of(a, b, half, radius, link_ * static_cast<double>(j - std::max(i, part_.low)));
   else
     approach.distance = length(b.position - a.position);
   // Lemmas 11 and 12: a bound that costs nothing first.

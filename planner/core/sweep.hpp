@@ -38,8 +38,6 @@ struct Shape {
 
   Index modules() const { return core.size(); }
   const Body &folded(Index i) const { return reinterpret_cast<const Body *>(core.data())[i]; }
-  // Largest distance of a module's points and joint from its centre, added.
-  double arm() const { return hull.radius * size + length(load(joint.anchor.data())); }
 };
 
 // Hinge angles of frames: window k begins at values[offsets[k] − shift].
@@ -65,7 +63,7 @@ struct SweepResult {
 // Motion of a chain from one frame to another one.
 struct Stretch {
   Index low, high;  // first and last module of the stretch
-  Joint joint;      // the module's, with the rigid links at the start of the stretch
+  Joint joint;      // the chain's, with the rigid links at the start of the stretch
   Index root;       // body of the stretch that is held still
   std::vector<double> start,
       rates;  // hinge angles in the first frame; what is added up to the other
@@ -148,6 +146,8 @@ class Sweep {
   View<const double, 1> rigid_;
   View<double, 1> per_frame_;
   double ratio_;
+  double link_;  // longest way from a module's centre to the next one's, in pitches
+  double arm_;   // largest distances of a module's points and of a joint from its centre, added
 
   // Of the interval at hand.
   double cutoff_of_interval_ = 0.0;

@@ -46,6 +46,9 @@ unfolding by the published method (preset ``paper``) ends as failed."""
 MAX_SNAPSHOT_ANGLES: Final = 20_000_000
 """Maximum number of hinge angles in all snapshots of one run together (160 MB of memory); beyond it
 the run fails and asks for a longer snapshot interval. The wrench of 160 cubes needs 3 million."""
+MAX_STOP_RAD: Final = float(np.deg2rad(92.0))
+"""Largest angle of the stops that can be set, rad, in an unfolding by the published method. Hinges
+of modules with larger ranges stop at the ends of these."""
 FRAME_SPACING_RAD: Final = 0.03
 """Turn of a hinge since the last displayed frame, rad, at which a recorded configuration becomes
 the next displayed frame, in an unfolding by the published method, which records one every 10
@@ -239,10 +242,12 @@ class Published(Explosion[PublishedChain, Step]):
 
 def explosion_material(p: PaperExplosionParameters, module: Module) -> Material:
     """Return the joints and surfaces of the chain as it explodes."""
+    farthest = module.largest_angle_rad
+    early = farthest - float(np.deg2rad(p.stop_deg)) if farthest <= MAX_STOP_RAD else 0.0
     return Material(
         geom_size=p.geom_size,
         friction=p.friction,
         stiffness=p.spring / (p.module_mass_g(module) * p.pitch_cm**2),
-        stop_rad=float(np.deg2rad(p.stop_deg)),
+        stops_early_rad=early,
         stiff_stops=True,
     )

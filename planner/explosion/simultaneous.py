@@ -194,8 +194,8 @@ class Simultaneous(Explosion[WholeChain, Step]):
             geom_size=parameters.geom_size,
             stiffness=parameters.spring,
             armature=parameters.armature,
-            stop_rad=chain.module.stop_rad
-            - (STOP_COMPLIANCE_RAD if len(chain) > MAX_SMOOTH_CURVE_MODULES else 0.0),
+            stops_early_rad=chain.module.stops_early_rad
+            + (STOP_COMPLIANCE_RAD if len(chain) > MAX_SMOOTH_CURVE_MODULES else 0.0),
         )
         if block_starts is not None:
             engine = Blocks(chain, material, block_starts)

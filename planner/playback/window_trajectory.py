@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.floating_torques import floating_torques, path_torques
+from foldback.planner.chain.floating_torques import Floating, floating_torques, path_torques
 from foldback.planner.clearance.sweep import sweep
-from foldback.planner.core.structures import Lumps
 from foldback.planner.motion.motion import Motion
 from foldback.planner.parameters.playback import PlaybackParameters
 from foldback.planner.playback.reference_curve import (
@@ -236,7 +235,7 @@ class WindowTrajectory:
             angles, first, second = (self.curve.at(places, hinges, k) for k in range(3))
             rows, width = slice(stretch.start, stop), angles.shape[1]
             a[rows, :width], b[rows, :width] = path_torques(
-                self.chain.module, angles, first, second, self._lumps(stretch)
+                self.chain.module, angles, first, second, self._between_ends(stretch)
             )
         share = u / self.curve.end
         return scaling_from_profile(share, torque_bounded_profile(share, a, b), steps, self.step_s)
@@ -266,10 +265,10 @@ class WindowTrajectory:
         """Return the number of steps."""
         return len(self._u) - 1
 
-    def _lumps(self, stretch: Stretch) -> Lumps:
-        """Return both ends of a stretch: hinges before it are folded, those behind it straight."""
+    def _between_ends(self, stretch: Stretch) -> Floating:
+        """Return a stretch with both ends: hinges before it are folded, those behind straight."""
         core = stretch.first + 1
-        return self._ends.lumps(core, core + stretch.joints)
+        return Floating(first=core, lumps=self._ends.lumps(core, core + stretch.joints))
 
     def targets(self, number: int) -> Targets:
         """Return the targets of hinges in a stretch, step by step.
@@ -299,7 +298,7 @@ class WindowTrajectory:
                 targets.angles[:-1],
                 targets.rates[:-1],
                 accelerations,
-                self._lumps(stretch),
+                self._between_ends(stretch),
             )
             all_torques.append(torques.astype(np.float32))
         return all_torques

@@ -59,7 +59,7 @@ def build_chain_model(
     return ChainModel(
         chain.module.joint,
         np.ones(len(chain)) if masses is None else masses,
-        chain.module.inertia,
+        chain.module.moments,
         Lumps.none() if lumps is None else lumps,
         fixed_base,
         root,
@@ -106,16 +106,16 @@ class Engine:
 
     Args:
         chain_model: Inertial parameters of the chain.
-        stop_rad: Angle of the hinges' stops, either way.
+        stops: (J, 2) smallest and largest angle of each hinge, rad; infinite for none.
         modules: Arrays for poses and velocities; new ones by default.
     """
 
     def __init__(
-        self, chain_model: ChainModel, stop_rad: float, modules: ModuleStates | None = None
+        self, chain_model: ChainModel, stops: Array, modules: ModuleStates | None = None
     ) -> None:
         self.chain_model = chain_model
-        self.stop_rad = stop_rad
-        n, hinges = len(self.chain_model.masses), self.chain_model.joint.axes.shape[0]
+        self.stops = stops
+        n, hinges = len(self.chain_model.masses), self.chain_model.joint.hinges
         self.modules = ModuleStates.empty(n) if modules is None else modules
         self.positions, self.rotations, self.velocities, self.spins = self.modules
         self._aba = ArticulatedBodies.zeros(n, hinges)
@@ -160,7 +160,7 @@ class Engine:
             loads,
             self.modules,
             NO_CONTACTS if contacts is None else contacts,
-            self.stop_rad,
+            self.stops,
             self._aba,
             accelerations,
         ):
@@ -202,7 +202,7 @@ class SpringChain(Engine):
     """
 
     def __init__(self, chain: Chain, material: Material, chain_model: ChainModel) -> None:
-        super().__init__(chain_model, material.stop_of(chain.module))
+        super().__init__(chain_model, chain.stops_rad(material.stops_early_rad))
         hinges = len(chain.folded_rad)
         self.chain = chain
         self.root = chain_model.root
@@ -222,7 +222,7 @@ class SpringChain(Engine):
     def stepped_chain(self, contact_model: ContactModel, control: ControlLimits) -> SteppedChain:
         """Return the chain as kernels that make steps take it."""
         return SteppedChain(
-            self.chain_model, self.rotor_inertias, self.stop_rad, contact_model, control
+            self.chain_model, self.rotor_inertias, self.stops, contact_model, control
         )
 
     def free_accelerations(self, state: State, forces: Array) -> Acceleration:

@@ -51,7 +51,7 @@ class Material:
         damping: Hinge damping, torque per rad/s; must be 0 in segments, whose welds it breaks.
         friction: Coefficient of sliding friction of contacts; 0 for none.
         contact_time_constant: Time constant of contacts, ``solref[0]``, s.
-        stop_rad: Angle at which the hinges' stops begin, rad; None for the module's limit.
+        stops_early_rad: Angle before the ends of the hinges' ranges at which stops begin, rad.
         stiff_stops: True if the stops hardly give, as the welds between segments.
     """
 
@@ -61,12 +61,8 @@ class Material:
     damping: float = 0.0
     friction: float = 0.0
     contact_time_constant: float = 0.03
-    stop_rad: float | None = None
+    stops_early_rad: float = 0.0
     stiff_stops: bool = False
-
-    def stop_of(self, module: Module) -> float:
-        """Return the angle at which the stops of a module's hinges begin, rad."""
-        return module.angle_limit_rad if self.stop_rad is None else self.stop_rad
 
 
 def base_spec() -> Any:
@@ -120,12 +116,13 @@ def add_module_geom(body: Any, module: Module, index: int, material: Material) -
     return body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="module", **options)
 
 
-def set_inertia(body: Any, module: Module, mass: float) -> None:
-    """Set the inertia of a body to that of a module of a given mass."""
+def set_inertia(body: Any, chain: Chain, index: int, mass: float) -> None:
+    """Set the inertia of a body to that of module ``index`` with a given mass."""
+    module = chain.module
     body.explicitinertial = True
     body.mass = mass
     body.ipos = [0.0, 0.0, 0.0]
-    body.inertia = (module.inertia * mass).tolist()
+    body.inertia = (module.moments[module.joint.row(index)] * mass).tolist()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,58 +136,79 @@ class _Link:
 
 
 @cache
-def _to_next(module: Module) -> _Link:
+def _to_next(module: Module, row: int) -> _Link:
+    joint = module.joint
+    turn, offset = joint.turn[row], joint.offset[row]
     return _Link(
-        position=(module.anchor + module.turn @ module.offset).tolist(),
-        wxyz=wxyz_from_matrix(module.turn).tolist(),
-        hinge_position=(-module.offset).tolist(),
-        axes=(module.axes @ module.turn).tolist(),
+        position=(joint.anchor[row] + turn @ offset).tolist(),
+        wxyz=wxyz_from_matrix(turn).tolist(),
+        hinge_position=(-offset).tolist(),
+        axes=(joint.axes[row] @ turn).tolist(),
     )
 
 
 @cache
-def _to_previous(module: Module) -> _Link:
+def _to_previous(module: Module, row: int) -> _Link:
+    joint = module.joint
+    turn, anchor = joint.turn[row], joint.anchor[row]
     return _Link(
-        position=(-module.offset - module.turn.T @ module.anchor).tolist(),
-        wxyz=wxyz_from_matrix(module.turn.T).tolist(),
-        hinge_position=module.anchor.tolist(),
-        axes=(-module.axes[::-1]).tolist(),
+        position=(-joint.offset[row] - turn.T @ anchor).tolist(),
+        wxyz=wxyz_from_matrix(turn.T).tolist(),
+        hinge_position=anchor.tolist(),
+        axes=(-joint.axes[row][::-1]).tolist(),
     )
 
 
 def add_next_body(parent: Any, chain: Chain, index: int, name: str, material: Material) -> Any:
     """Add the body of module ``index`` to that of module ``index − 1``, with its hinges."""
-    hinges = hinge_names(chain, index - 1)
-    return _add_linked(parent, name, hinges, _to_next(chain.module), chain.module, material)
+    link = _to_next(chain.module, chain.module.joint.row(index - 1))
+    body = _add_linked(parent, name, link)
+    for hinge, axis in zip(_hinges(chain, index - 1, material), link.axes, strict=False):
+        _add_hinge(body, hinge, link, axis, material)
+    return body
 
 
 def add_previous_body(parent: Any, chain: Chain, index: int, name: str, material: Material) -> Any:
     """Add the body of module ``index`` to that of module ``index + 1``, with its hinges."""
-    hinges = hinge_names(chain, index)[::-1]
-    return _add_linked(parent, name, hinges, _to_previous(chain.module), chain.module, material)
+    link = _to_previous(chain.module, chain.module.joint.row(index))
+    body = _add_linked(parent, name, link)
+    for hinge, axis in zip(_hinges(chain, index, material)[::-1], link.axes, strict=False):
+        _add_hinge(body, hinge, link, axis, material)
+    return body
 
 
-def _add_linked(
-    parent: Any, name: str, hinges: tuple[str, ...], link: _Link, module: Module, material: Material
-) -> Any:
+def _add_linked(parent: Any, name: str, link: _Link) -> Any:
     body = parent.add_body()
     body.name = name
     body.pos = link.position
     body.quat = link.wxyz
-    stop = material.stop_of(module)
-    for hinge_name, axis in zip(hinges, link.axes, strict=False):
-        hinge = body.add_joint()
-        hinge.name = hinge_name
-        hinge.type = mujoco.mjtJoint.mjJNT_HINGE
-        hinge.pos = link.hinge_position
-        hinge.axis = axis
-        hinge.range = [-stop, stop]
-        if material.stiff_stops:
-            hinge.solref_limit, hinge.solimp_limit = STIFF_SOLREF_SOLIMP
-        hinge.stiffness[0] = material.stiffness
-        hinge.armature = material.armature
-        hinge.damping[0] = material.damping
     return body
+
+
+def _hinges(chain: Chain, index: int, material: Material) -> list[tuple[str, list[float]]]:
+    """Return names and stops of the hinges between modules ``index`` and ``index + 1``."""
+    stops = chain.module.stops_behind(index, material.stops_early_rad)
+    return list(zip(hinge_names(chain, index), stops.tolist(), strict=False))
+
+
+def _add_hinge(
+    body: Any,
+    named_stops: tuple[str, list[float]],
+    link: _Link,
+    axis: list[float],
+    material: Material,
+) -> None:
+    hinge = body.add_joint()
+    hinge.name, stops = named_stops
+    hinge.type = mujoco.mjtJoint.mjJNT_HINGE
+    hinge.pos = link.hinge_position
+    hinge.axis = axis
+    hinge.range = stops
+    if material.stiff_stops:
+        hinge.solref_limit, hinge.solimp_limit = STIFF_SOLREF_SOLIMP
+    hinge.stiffness[0] = material.stiffness
+    hinge.armature = material.armature
+    hinge.damping[0] = material.damping
 
 
 def hinge_names(chain: Chain, index: int) -> tuple[str, ...]:
@@ -240,7 +258,7 @@ def tree_spec(
     for i in range(chain.root - 1, -1, -1):
         bodies[i] = add_previous_body(bodies[i + 1], chain, i, names[i], material)
     for i, body in bodies.items():
-        set_inertia(body, module, 1.0 if masses is None else float(masses[i]))
+        set_inertia(body, chain, i, 1.0 if masses is None else float(masses[i]))
         add_module_geom(body, module, i, material)
         site = body.add_site()
         site.name = names[i]
@@ -288,16 +306,16 @@ def segment_spec(chain: Chain, material: Material, starts: list[int]) -> Any:
         root = spec.worldbody.add_body()
         root.name = names[start]
         body = root
-        set_inertia(root, module, 1.0 if k == 0 else 0.5)
+        set_inertia(root, chain, start, 1.0 if k == 0 else 0.5)
         root.add_freejoint().name = f"root_{start}"
         add_module_geom(root, module, start, material)
         for i in range(start + 1, stop):
             body = add_next_body(body, chain, i, names[i], material)
-            set_inertia(body, module, 1.0)
+            set_inertia(body, chain, i, 1.0)
             add_module_geom(body, module, i, material)
         if stop < n:
             ghost = add_next_body(body, chain, stop, f"ghost_{stop}", material)
-            set_inertia(ghost, module, 0.5)
+            set_inertia(ghost, chain, stop, 0.5)
             weld = spec.add_equality()
             weld.type = mujoco.mjtEq.mjEQ_WELD
             weld.objtype = mujoco.mjtObj.mjOBJ_BODY

@@ -87,11 +87,15 @@ class State:
         if self.spin.any():
             self.rotation = self.rotation @ turned(self.spin * step_s)
 
-    def stop_at(self, max_rad: float) -> None:
-        """Set hinges beyond their range back to its end, at rest: a joint's stop gives nothing."""
-        beyond = np.abs(self.angles) > max_rad
+    def stop_at(self, stops: Array) -> None:
+        """Set hinges beyond their range back to its end, at rest: a joint's stop gives nothing.
+
+        Args:
+            stops: (J, 2) smallest and largest angle of each hinge, rad.
+        """
+        beyond = (self.angles < stops[:, 0]) | (self.angles > stops[:, 1])
         if beyond.any():
-            self.angles[beyond] = np.copysign(max_rad, self.angles[beyond])
+            self.angles[:] = np.clip(self.angles, stops[:, 0], stops[:, 1])
             self.rates[beyond] = 0.0
 
 

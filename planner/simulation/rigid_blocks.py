@@ -199,7 +199,7 @@ class _Parts:
                 "got a folded chain whose modules lie between the cells of the cubic lattice, "
                 "expected hinge angles of 0 or ±90°; use a strategy other than blocks.",
             )
-        _set_inertia(body, places, float(self.chain.module.inertia[0]))
+        _set_inertia(body, places, float(self.chain.module.moments[0, 0]))
         inside = np.ones(stop - start, dtype=np.bool_)
         end_bodies: dict[int, Any] = {}
         for end in dict.fromkeys(ends):

@@ -206,7 +206,7 @@ class ServoChain:
             self.state.reduced,
             accelerations,
             self._step_s,
-            engine.stop_rad,
+            engine.stops,
             engine.chain_model,
             engine.modules,
         ):
@@ -257,7 +257,7 @@ class Robot(ServoChain):
     ) -> None:
         super().__init__(chain, errors, step_s)
         model = build_chain_model(chain, root=chain.root, masses=errors.masses)
-        self.engine = Engine(model, chain.module.angle_limit_rad, modules)
+        self.engine = Engine(model, chain.stops_rad(), modules)
         self.state = State(
             angles=state.q,
             rates=state.qd,
@@ -345,7 +345,7 @@ class RobotTeam:
         self.body = TeamBody(
             joint=chain.module.joint,
             masses=np.array([each.masses for each in errors]),
-            inertia=chain.module.inertia,
+            inertia=chain.module.moments,
             lumps=Lumps(*(np.array([array] * count) for array in Lumps.none())),
             root=chain.root,
             servos=errors[0]
@@ -358,7 +358,7 @@ class RobotTeam:
             size=geom_size,
             centres=np.zeros((count, 3)),
             step_s=step_s,
-            stop_rad=first.engine.stop_rad,
+            stops=first.engine.stops,
         )
 
     @cached_property

@@ -146,7 +146,8 @@ class Segments(SpringChain):
             near: (P, 2) pairs of modules that are not linked and near enough to touch.
         """
         module = self.chain.module
-        if np.abs(state.angles).max() >= self.stop_rad:
+        low, high = self.stops.T
+        if ((state.angles <= low) | (state.angles >= high)).any():
             return False
         separation, _, _ = least_separation(
             self.positions,

@@ -159,7 +159,7 @@ def _spec(
         geom_size=p.geom_size,
         contact_time_constant=p.contact_time,
         armature=p.armature,
-        stop_rad=module.angle_limit_rad - p.stops_early_rad,
+        stops_early_rad=p.stops_early_rad,
         stiff_stops=True,
     )
     add_module_mesh(spec, module, p.geom_size)
@@ -173,7 +173,7 @@ def _spec(
     for i in range(n):
         if i:
             body = add_next_body(body, chain, i, names[i], material)
-        set_inertia(body, module, 1.0)
+        set_inertia(body, chain, i, 1.0)
         hull = add_module_geom(body, module, i, material)
         hull.solimp = [p.module_hardness, p.module_hardness, *SOLIMP[2:]]
     exclude(spec, names, module.exempt_pairs(n))

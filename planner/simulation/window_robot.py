@@ -32,10 +32,10 @@ class RigidEnds:
     def __init__(self, chain: Chain, masses: Array) -> None:
         self._folded = forward_kinematics(chain.module, chain.folded_rad)
         self._straight = forward_kinematics(chain.module, np.zeros_like(chain.folded_rad))
-        inertia = chain.module.inertia
+        inertia = chain.module.moments[chain.module.joint.row(np.arange(len(chain)))]
         self._core = _moments(masses, inertia, self._folded.positions, self._folded.rotations)
         straight = (self._straight.positions[::-1], self._straight.rotations[::-1])
-        tail_moments = _moments(masses[::-1], inertia, *straight)
+        tail_moments = _moments(masses[::-1], inertia[::-1], *straight)
         self._tail = tuple(sums[::-1] for sums in tail_moments)
 
     def lumps(self, core: int, tail: int) -> Lumps:
@@ -75,7 +75,7 @@ def _moments(
     masses: Array, inertia: Array, positions: Array, rotations: Array
 ) -> tuple[Array, Array, Array]:
     """Return mass, first and second moment, (n,), (n, 3), (n, 3, 3), of modules up to each one."""
-    own_inertia = (rotations * inertia) @ rotations.transpose(0, 2, 1)
+    own_inertia = (rotations * inertia[:, None]) @ rotations.transpose(0, 2, 1)
     squares = (positions**2).sum(axis=1)
     about = squares[:, None, None] * np.eye(3) - positions[:, :, None] * positions[:, None, :]
     return (
@@ -157,10 +157,8 @@ class WindowRobot(ServoChain):
         core, tail = first + 1, first + 1 + joints
         masses = self.errors.masses[core : tail + 1]
         lumps = self._ends.lumps(core, tail)
-        joint = module.joint._replace(rigid_links=0)
-        self.engine = Engine(
-            ChainModel(joint, masses, module.inertia, lumps, False, 0), module.angle_limit_rad
-        )
+        model = ChainModel(module.joint.window(core), masses, module.moments, lumps, False, 0)
+        self.engine = Engine(model, self.chain.stops_rad()[self._hinges])
         folded_position, folded_rotation = self._ends.folded_pose(core)
         self.state = State.at_rest(
             angles, position + rotation @ folded_position, rotation @ folded_rotation

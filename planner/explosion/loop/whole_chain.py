@@ -167,7 +167,7 @@ class WholeChain:
     def limit_hinges(self) -> None:
         """Leave no hinge beyond its stop; rigid blocks have none."""
         if self.all_joints_free:
-            self.state.stop_at(self.material.stop_of(self.chain.module))
+            self.state.stop_at(self.chain.stops_rad(self.material.stops_early_rad))
 
     def unfolded(self) -> float:
         """Return the progress, 0 to 1: half by the joints' bends, half by the chain's span."""

@@ -143,7 +143,7 @@ def build_peeling(
         geom_size=parameters.geom_size,
         stiffness=parameters.spring,
         armature=parameters.armature,
-        stop_rad=chain.module.angle_limit_rad - STOP_COMPLIANCE_RAD,
+        stops_early_rad=STOP_COMPLIANCE_RAD,
     )
     window = Window(
         WindowSetting(

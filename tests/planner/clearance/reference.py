@@ -80,11 +80,13 @@ def walk(interval: Interval, middle: float, h: float, bodies: dict[int, Body], s
     """Add all modules from the root, the only one of ``bodies``, to one end: lemmas 1 to 4."""
     joint, root, end = interval.chain.module.joint, interval.root, len(interval.chain) - 1
     q = interval.start + middle * interval.rates
-    near, far = (joint.anchor, joint.offset) if step > 0 else (-joint.offset, -joint.anchor)
-    near_arm, far_arm = norm(near), norm(far)
     hinges: list[Array] = []
     for i in range(root, end if step > 0 else 0, step):
         body, link = bodies[i], min(i, i + step) - joint.rigid_links
+        row = joint.row(min(i, i + step))
+        anchor, axes, turn, offset = (table[row] for table in joint[3:])
+        near, far = (anchor, offset) if step > 0 else (-offset, -anchor)
+        near_arm, far_arm = norm(near), norm(far)
         dv, da = point_motion(body, body.R @ near)
         p, v, a = body.p + body.R @ near, body.v + dv, body.a + da  # of the joint's centre
         # Lemma 3: bounds of the centre's distance from the root, its speed and acceleration.
@@ -92,19 +94,19 @@ def walk(interval: Interval, middle: float, h: float, bodies: dict[int, Body], s
         dC = norm(body.v) + h * (norm(body.a) + 0.5 * h * body.J) + near_arm * body.W
         ddC = norm(body.a) + h * body.J + near_arm * (body.DW + body.W**2)
         R, w, dw, W, DW, DDW, S = body.R, body.w, body.dw, body.W, body.DW, body.DDW, body.S
-        R = R if step > 0 else R @ joint.turn.T
-        for k in range(len(joint.axes))[::step] if link >= 0 else ():
-            hinge = link * len(joint.axes) + k
+        R = R if step > 0 else R @ turn.T
+        for k in range(len(axes))[::step] if link >= 0 else ():
+            hinge = link * len(axes) + k
             rate = step * interval.rates[hinge]
-            axis, size = R @ joint.axes[k], abs(rate)
+            axis, size = R @ axes[k], abs(rate)
             hinges.append(np.array([size, W, DW + W**2, C, dC, ddC]))
             # Lemma 1: exact; lemma 2: bounds.
             w, dw, DDW = w + rate * axis, dw + rate * cross(w, axis), DDW + size * (DW + W**2)
             S = S + step * size
             DW = min(norm(dw) + h * DDW, 0.5 * S**2)
             W = min(norm(w) + h * (norm(dw) + 0.5 * h * DDW), abs(S))
-            R = R @ rotation(joint.axes[k], step * q[hinge])
-        R = R @ joint.turn if step > 0 else R
+            R = R @ rotation(axes[k], step * q[hinge])
+        R = R @ turn if step > 0 else R
         turned = body._replace(R=R, w=w, dw=dw, W=W, DW=DW, DDW=DDW, S=S)
         dv, da = point_motion(turned, R @ far)
         p, v, a = p + R @ far, v + dv, a + da

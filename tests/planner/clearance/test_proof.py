@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
+from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON, module_named
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import Module
+from foldback.planner.chain.module_file import with_pattern
 from foldback.planner.clearance.sweep import CLEARANCE_CAP, EXTENDED_CLEARANCE_CAP, sweep
 from foldback.planner.motion.motion import Motion, as_motion
 from tests.conftest import examples
@@ -37,7 +38,9 @@ _PART = replace(
 SKEWED = replace(TETRAHEDRON, pieces=(replace(_PIECE, parts=(_PART,)),))
 """Tetrahedra with slightly rotated candidate axes. Linked tetrahedra are mirror images: two axes
 have the same separation, rounding selects one of them, and the loss depends on it."""
-MODULES = st.sampled_from([CUBE, SKEWED])
+TWISTED = with_pattern(module_named("snake-cube"), ["straight", "corner", "corner", "straight"])
+"""Cubes whose joints follow each other in a pattern: twists through opposite or adjacent faces."""
+MODULES = st.sampled_from([CUBE, SKEWED, TWISTED])
 SEEDS = st.integers(0, 2**32 - 1)
 STEPS_RAD = st.sampled_from([0.05, 0.3, 1.5])
 
@@ -106,7 +109,7 @@ def test_frames_have_the_bound_of_the_reference(
 
 @pytest.mark.slow
 @examples(one_of=6)
-@given(MODULES, st.integers(6, 10), SEEDS, STEPS_RAD, st.floats(0.4, 0.9))
+@given(st.sampled_from([CUBE, SKEWED]), st.integers(6, 10), SEEDS, STEPS_RAD, st.floats(0.4, 0.9))
 def test_windows_have_the_bound_of_the_reference(
     module: Module, modules: int, seed: int, step: float, size: float
 ) -> None:
@@ -119,6 +122,17 @@ def test_windows_have_the_bound_of_the_reference(
     angles = [start, start + rng.uniform(-step, step, hinges)]
     parts = [row[a:b] for row, a, b in zip(angles, first, last, strict=True)]
     assert_same(chain, windows_of(chain, [int(first_hinge) for first_hinge in first], parts), size)
+
+
+def test_windows_of_a_pattern_have_the_bound_of_all_its_hinges() -> None:
+    rng = np.random.default_rng(3)
+    chain = random_chain(TWISTED, 9, rng)
+    angles = [0.9 * chain.folded_rad[2:5], 0.8 * chain.folded_rad[2:5]]
+    windows = windows_of(chain, [2, 2], angles)
+    swept = sweep(chain, windows, module_size=0.5)
+    whole = sweep(chain, windows.angles(chain), module_size=0.5)
+    assert (swept.clearance, swept.bound) == (whole.clearance, whole.bound)
+    assert_same(chain, windows.angles(chain), 0.5)
 
 
 @pytest.mark.parametrize("module", [CUBE, SKEWED], ids=["cube", "skewed"])

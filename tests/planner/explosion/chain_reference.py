@@ -53,7 +53,7 @@ def step(run: Simultaneous) -> None:
     limit_speeds(run, engine, count)
     state.advance(control.step_s)
     world.time_s += control.step_s
-    state.stop_at(engine.stop_rad)
+    state.stop_at(engine.stops)
 
 
 def radial_forces(positions: Array, weights: Array) -> Array:

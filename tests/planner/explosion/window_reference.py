@@ -50,7 +50,7 @@ def step(run: Peeling, weights: Array) -> None:
     limit_speeds(window, control, p, count)
     state.angles += control.step_s * state.rates
     window.time_s += control.step_s
-    state.stop_at(model.stop_rad)
+    state.stop_at(model.stops)
 
 
 def radial_forces(window: Window, weights: Array, aim: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.floating_torques import floating_torques
+from foldback.planner.chain.floating_torques import Floating, floating_torques
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record
 from foldback.planner.parameters.playback import PlaybackParameters, RobotParameters
@@ -48,7 +48,8 @@ def test_torques_of_a_window_are_those_of_the_whole_chain(
     motion[0, :, : hinges.start] = chain.folded_rad[: hinges.start]
     motion[:, :, hinges] = rng.normal(size=(3, 1, 2 * joints))
     lumps = RigidEnds(chain, np.ones(len(chain))).lumps(first + 1, first + 1 + joints)
-    computed_floating_torques = floating_torques(chain.module, *motion[:, :, hinges], lumps)
+    stretch = Floating(first=first + 1, lumps=lumps)
+    computed_floating_torques = floating_torques(chain.module, *motion[:, :, hinges], stretch)
     whole_floating_torques = floating_torques(chain.module, *motion)
     np.testing.assert_allclose(
         computed_floating_torques,

@@ -6,6 +6,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from foldback.planner.chain.built_in_modules import CUBE
 from foldback.planner.chain.chain import Chain
 from foldback.planner.core.structures import Loads
 from foldback.planner.simulation.contact_finder import ContactFinder
@@ -21,7 +22,9 @@ from foldback.planner.simulation.mujoco_models import (
 from foldback.planner.simulation.reduced_state import State
 from tests.planner.chains import Array, line
 
-MATERIAL = Material(geom_size=0.98, stiffness=2.0, armature=3.0, stop_rad=1.6)
+MATERIAL = Material(
+    geom_size=0.98, stiffness=2.0, armature=3.0, stops_early_rad=CUBE.largest_angle_rad - 1.6
+)
 MAX_ROD_MASS = 4
 BOX = (np.array([[0.0, 0.0, 0.0]]), np.array([[0.5, 0.5, 0.5]]))
 FAR_BOX = (np.array([[0.0, 0.0, -50.0]]), np.array([[0.5, 0.5, 0.5]]))
@@ -50,10 +53,10 @@ def tree_of(chain: Chain, rod: int, boxes: tuple[Array, Array]) -> tuple[Any, An
     names = [f"module_{i}" for i in range(len(chain))]
     body = spec.worldbody.add_body()
     body.name = names[0]
-    set_inertia(body, chain.module, 1.0)
+    set_inertia(body, chain, 0, 1.0)
     for i in range(1, len(chain)):
         body = add_next_body(body, chain, i, names[i], MATERIAL)
-        set_inertia(body, chain.module, 1.0)
+        set_inertia(body, chain, i, 1.0)
         add_module_geom(body, chain.module, i, MATERIAL)
     for centre, half in zip(*boxes, strict=True):
         add_box(spec.worldbody, centre, half - 0.01)
