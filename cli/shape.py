@@ -115,8 +115,8 @@ def offer_words(offer: Offer) -> str:
 
 
 def path_file(prepared: Preparation) -> bytes:
-    """Return the best path as foldback-path/1; for modules other than cubes, foldback-chain/1."""
-    if not prepared.chain.module.fills_cell:
+    """Return the best path as foldback-path/1; foldback-chain/1 if its modules follow none."""
+    if not prepared.chain.module.follows_paths:
         return write_chain(prepared.chain)
     return write_path(
         CellPath.from_cells(prepared.cells, name=prepared.name, pitch_m=prepared.chain.pitch_m)

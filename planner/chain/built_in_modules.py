@@ -13,6 +13,8 @@ from foldback.planner.errors import InputError
 
 MODULE_NAMES: Final = ("cube", "tetrahedron", "snake-prism", "snake-cube")
 """Names of the modules, the default one first."""
+DEFAULT_MODULE: Final = MODULE_NAMES[0]
+"""Name of the module of a chain that states none."""
 
 
 @lru_cache(maxsize=len(MODULE_NAMES))

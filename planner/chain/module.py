@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import combinations
 from typing import Any, Final, Literal, NamedTuple, TypeVar
 
 import numpy as np
@@ -323,6 +324,38 @@ class Module:
         """True if a folded module fills one cell of the cubic lattice."""
         return self.filling == "cells"
 
+    @cached_property
+    def follows_paths(self) -> bool:
+        """True if a chain of it can follow each path through the cells of the cubic lattice.
+
+        Such a module fills a cell. The joint at its centre turns a quarter about z, then about y.
+        """
+        quarter = np.pi / 2
+        return (
+            self.fills_cell
+            and len(self.pieces) == 1
+            and self.rigid_links == 1
+            and self.has_universal_joints
+            and not self.anchor.any()
+            and np.array_equal(self.axes, np.eye(3)[[2, 1]])
+            and np.array_equal(self.turn, np.eye(3))
+            and np.array_equal(self.offset, np.eye(3)[0])
+            and bool((np.abs(self.ranges_rad) >= quarter).all())
+        )
+
+    @cached_property
+    def has_universal_joints(self) -> bool:
+        """True if each joint has two hinges at right angles to each other and to the link."""
+        if self.hinges_per_joint != 2:
+            return False
+        links = [self.link(module) for module in range(len(self.pattern))]
+        frames = [[*link.axes, link.turn @ link.offset] for link in links]
+        return all(
+            abs(float(a @ b)) < 1e-9  # cosine of a right angle, but for rounding
+            for axes in frames
+            for a, b in combinations(axes, 2)
+        )
+
     @property
     def geom(self) -> Literal["box", "mesh"]:
         """Shape of the hull in simulations: ``box`` or the convex ``mesh`` of its corners."""
@@ -444,7 +477,7 @@ class Module:
         Returns:
             (P,): the largest p · d over all directions d of the joint's range.
         """
-        if self.hinges_per_joint != 2:
+        if not self.has_universal_joints:
             raise ValueError(f"got a {self.name}, expected a module with universal joints")
         # d = R(axis_1, a) R(axis_2, b) n, and the three directions are at right angles.
         outward = self.turn @ self.offset

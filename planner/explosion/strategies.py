@@ -79,8 +79,8 @@ def ranked_strategies(
     if not possible:
         raise InputError(
             "unsuited-world",
-            f"got a chain of the module type {chain.module.name} for a fold on a table, expected "
-            "cubes that fill the cells of a lattice; use the 'floating' world.",
+            f"got a chain of {chain.module.words.plural} for a fold on a table, expected modules "
+            "that fold along any path of cells; use the 'floating' world.",
         )
     if wished == AUTO:
         return tuple(name for name in _preferred(chain) if name in possible) or possible[:1]
@@ -177,8 +177,8 @@ def _preferred(chain: Chain) -> tuple[str, ...]:
 
 
 def on_lattice(chain: Chain) -> bool:
-    """Return True if a chain consists of cubes that fold into cells."""
-    return _square(chain) and chain.module.fills_cell and chain.module.rigid_links == 1
+    """Return True if a chain follows a path through the cells of the cubic lattice."""
+    return _square(chain) and chain.module.follows_paths
 
 
 def _is_by_mujoco(parameters: Parameters) -> bool:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from foldback.planner.chain.built_in_modules import CUBE
 from foldback.planner.errors import InputError
 from foldback.planner.exports.export import export_name, require_frames
 from foldback.planner.exports.step_drawing import (
@@ -114,12 +113,11 @@ def leaflet_of(plan: Plan) -> Leaflet:
     layout = layout_of([step.drawing for step in drawn])
     if layout[1] == 1:
         drawn = _drawn(steps, 30.0)
-    plural = "cubes" if chain.module is CUBE else "tetrahedra"
     return Leaflet(
         title=export_name(chain.name),
-        summary=f"{len(chain)} {plural}, {_count(steps.turn_count, 'turn')} in "
+        summary=f"{chain.module.words.counted(len(chain))}, {_count(steps.turn_count, 'turn')} in "
         f"{_count(len(steps.steps), 'step')}",
-        hints=_hints(steps, plural),
+        hints=_hints(steps),
         shape=draw_shape(chain.module, chain.folded_poses),
         steps=drawn,
         layout=layout,
@@ -130,10 +128,11 @@ def _count(number: int, word: str) -> str:
     return f"{number} {word}" if number == 1 else f"{number} {word}s"
 
 
-def _hints(steps: Steps, plural: str) -> tuple[str, ...]:
+def _hints(steps: Steps) -> tuple[str, ...]:
+    chain = steps.chain
     hints = [
-        f"Start with the straight chain of {len(steps.chain)} {plural}. Count from the end with "
-        "the white dot; the dark dot marks the last one.",
+        f"Start with the straight chain of {chain.module.words.counted(len(chain))}. Count from "
+        "the end with the white dot; the dark dot marks the last one.",
         "Each drawing shows the chain before its step. Hold the light part still, and turn the "
         "dark part at the black dot, as the arrow shows.",
         "The number at a black dot is that of the module. The dashed line is the axis of the turn.",

@@ -8,9 +8,14 @@ from __future__ import annotations
 
 from typing import Final, TypeAlias
 
+from foldback.planner.chain.module import Filling
 from foldback.planner.parameters.option import Choice, Choices
 
 Cell: TypeAlias = tuple[int, int, int]
+
+FILLINGS: Final[tuple[Filling, ...]] = ("cells", "rings")
+"""Ways of filling space for which a chain is found through the cells of a shape; each has a method
+in ``planner.pathfinding.filling_methods``."""
 
 PATH_METHODS: Final[Choices] = {
     "auto": Choice(label="Auto", hint="Picks the best method for this shape."),

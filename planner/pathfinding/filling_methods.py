@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final, Protocol
 
-from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
+from foldback.planner.chain.module import Filling
 from foldback.planner.pathfinding.fill_cubes import Cubes
 from foldback.planner.pathfinding.fill_tetrahedra import Tetrahedra
 from foldback.planner.pathfinding.filled_shape import FilledShape
@@ -45,10 +45,9 @@ class FillingMethod(Protocol):
         ...
 
 
-FILLING_METHODS: Final[dict[str, FillingMethod]] = {
-    CUBE.name: Cubes(),
-    TETRAHEDRON.name: Tetrahedra(),
+FILLING_METHODS: Final[dict[Filling | None, FillingMethod]] = {
+    "cells": Cubes(),
+    "rings": Tetrahedra(),
 }
-"""Method of filling a shape with a path, for each kind of module by its name."""
-
+"""Method of filling a shape with a chain, by how its modules fill space."""
 __all__ = ["FILLING_METHODS", "FilledShape", "FillingMethod"]

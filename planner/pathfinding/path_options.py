@@ -6,11 +6,12 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any, Final, Self
 
-from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
+from foldback.planner.chain.built_in_modules import DEFAULT_MODULE, MODULE_NAMES, module_named
+from foldback.planner.chain.module import Module
 from foldback.planner.parameters.option import Choice, Choices, option, options_of
 from foldback.planner.parameters.parameters import FLOATING, WORLD_CHOICES, World
 from foldback.planner.parameters.settings_text import TABLE_SETTINGS, names_with_units
-from foldback.planner.pathfinding import PATH_ENDS, PATH_METHODS, Cell
+from foldback.planner.pathfinding import FILLINGS, PATH_ENDS, PATH_METHODS, Cell
 from foldback.planner.pathfinding.start_cell import CELL_TEXT, parse_cell
 from foldback.planner.storage.plain_values import from_plain
 
@@ -23,8 +24,9 @@ MAX_TABLE_MODULES: Final = 96
 larger ones mostly get stuck. Measured: tori of 88 and 96 fold in six to eight minutes of processor
 time, one of 160 gets stuck (decision 0026)."""
 MODULE_CHOICES: Final[Choices] = {
-    CUBE.name: Choice(label="Cubes"),
-    TETRAHEDRON.name: Choice(label="Tetrahedra"),
+    name: Choice(label=module_named(name).words.plural.capitalize())
+    for name in MODULE_NAMES
+    if module_named(name).filling in FILLINGS
 }
 """Kinds of modules that a shape can be made of."""
 
@@ -44,7 +46,7 @@ class PathOptions:
     """
 
     module: str = option(
-        CUBE.name,
+        DEFAULT_MODULE,
         title="Module type",
         help="Module type for meshes, voxels and cells. A chain file states its own type.",
         label="Modules are",
@@ -127,6 +129,11 @@ class PathOptions:
             for name, described in options_of(type(self)).items()
             if getattr(self, name) != described.default
         }
+
+    @property
+    def kind(self) -> Module:
+        """The module that a shape is made of."""
+        return module_named(self.module)
 
     def path_options(self) -> PathOptions:
         """Return only the options that turn a shape into a path."""

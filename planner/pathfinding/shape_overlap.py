@@ -8,7 +8,6 @@ from typing import Final
 import numpy as np
 
 from foldback.planner.arrays import Array, Flags, Ints
-from foldback.planner.chain.built_in_modules import TETRAHEDRON
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.honeycomb import tetrahedra_at
 from foldback.planner.errors import checked_fraction
@@ -53,7 +52,7 @@ def covered_by(modules: Chain | Ints, points: Array) -> Flags:
     if not isinstance(modules, Chain):
         return _among(np.floor(points + 0.5).astype(np.int64), modules)
     positions = modules.folded_poses.positions
-    if modules.module is TETRAHEDRON:
+    if modules.module.filling == "rings":
         # A tetrahedron is named by the sum of its two nodes, twice its middle.
         return _among(tetrahedra_at(points), np.rint(2.0 * positions).astype(np.int64))
     return covered_by(np.rint(positions).astype(np.int64), points)
@@ -62,7 +61,7 @@ def covered_by(modules: Chain | Ints, points: Array) -> Flags:
 def regions_of(modules: Chain | Ints) -> ModuleRegions:
     """Return modules as a region of space; see ``likeness_of``."""
     is_covered = partial(covered_by, modules)
-    if isinstance(modules, Chain) and modules.module is TETRAHEDRON:
+    if isinstance(modules, Chain) and modules.module.filling == "rings":
         return ModuleRegions(is_covered=is_covered, normals=TETRAHEDRON_PLANES, offset=0.0)
     return ModuleRegions(is_covered=is_covered, normals=np.eye(3), offset=0.5)
 

@@ -50,7 +50,7 @@ def starting_at(chain: Chain, start: Cell | None) -> tuple[Chain, tuple[PathReas
     """
     if start is None:
         return chain, ()
-    if not chain.module.fills_cell:
+    if not chain.module.follows_paths:
         return chain, (PathReason.of(PathCode.GIVEN_MODULES),)
     cells = np.rint(chain.folded_poses.positions).astype(np.int64)
     at = index_of(cells, start)

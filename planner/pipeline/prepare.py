@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 import numpy as np
 
 from foldback.planner.arrays import Array, Ints
-from foldback.planner.chain.built_in_modules import CUBE, TETRAHEDRON
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import LONG_CHAIN
 from foldback.planner.chain.path import Path
@@ -171,7 +170,7 @@ class Preparation:
         """Return the nearest sets of cells that have a path, to follow a colon."""
         from foldback.planner.pathfinding.fill_cubes import repair_words
 
-        if self.shape is None or self.options.module != CUBE.name:
+        if self.shape is None or not self.options.kind.follows_paths:
             return state.repairs[0].as_step
         return repair_words(self.shape, state)
 
@@ -265,7 +264,7 @@ class Preparation:
             return list(PATH_METHODS)
         if self.options.world == "table":
             return [method for method in PATH_METHODS if method != "fitted"]
-        may_fit = self.solid is not None and self.options.module == CUBE.name
+        may_fit = self.solid is not None and self.options.kind.follows_paths
         unsuited = {"snake"} if may_fit else {"snake", "fitted"}
         methods = [method for method in PATH_METHODS if method not in unsuited]
         solid = self.solid
@@ -293,8 +292,8 @@ class Preparation:
             return {"positions": None, "wxyzs": None, "line": None}
         poses = self.chains[0].folded_poses
         line = poses.positions if self.filled is None else self.filled.line
-        # Boxes look the same in all orientations of a lattice.
-        upright = self.chains[0].module.geom == "box"
+        # Modules that fill cells look the same in all orientations of the lattice.
+        upright = self.chains[0].module.fills_cell
         return {
             "positions": np.round(poses.positions, 4).tolist(),
             "wxyzs": None if upright else np.round(poses.wxyzs, 5).tolist(),
@@ -389,7 +388,7 @@ def prepare_subject(
         if options.world == "table":
             check_for_table(shape)
         return _prepared_chain(shape, options, "chain")
-    if isinstance(shape, Path) and options.module == CUBE.name:
+    if isinstance(shape, Path) and options.kind.follows_paths:
         chain = Chain.from_path(shape)
         if options.world == "table":
             check_for_table(chain)
@@ -410,7 +409,7 @@ def prepare_subject(
 
 
 def _reach(solid: Solid, preparation: Preparation) -> dict[float, int | None]:
-    """Return about how many cubes reach each likeness in zero gravity.
+    """Return about how many modules reach each likeness in zero gravity.
 
     It is the smaller number of a fitted path, below ``LONG_CHAIN``, and of blocks. Empty where that
     cannot be estimated: for other modules, on a table, and for solids of which separate bodies are
@@ -420,7 +419,7 @@ def _reach(solid: Solid, preparation: Preparation) -> dict[float, int | None]:
     from foldback.planner.shapes.reachable_likeness import LEVELS, CellUse, cells_reaching
 
     options, voxels = preparation.options, preparation.voxels
-    if options.module != CUBE.name or options.world == "table" or preparation.filled is None:
+    if not options.kind.follows_paths or options.world == "table" or preparation.filled is None:
         return {}
     if voxels is None or voxels.unused:
         return {}
@@ -498,16 +497,16 @@ def check_for_table(chain: Chain) -> None:
     """Refuse a chain that cannot fold on a table.
 
     Raises:
-        InputError: ``unsuited-world`` for other modules than cubes, ``not-for-a-table`` for its
-            path.
+        InputError: ``unsuited-world`` for modules that follow no paths, ``not-for-a-table`` for
+            its path.
     """
     from foldback.planner.table_paths.rules import rule_violations
 
-    if chain.module.name != CUBE.name:
+    if not chain.module.follows_paths:
         raise InputError(
             "unsuited-world",
-            f"got {chain.module.name} modules for a fold on a table, expected {CUBE.name} modules; "
-            "use the 'floating' world for other modules.",
+            f"got a chain of {chain.module.words.plural} for a fold on a table, expected modules "
+            "that fold along any path of cells; use the 'floating' world for others.",
             where="world",
         )
     faults = rule_violations(np.rint(chain.folded_poses.positions).astype(np.int64))
@@ -529,7 +528,7 @@ def filling_of(options: PathOptions) -> FillingMethod:
     from foldback.planner.pathfinding.filling_methods import FILLING_METHODS
     from foldback.planner.table_paths.fill_table import TableCubes
 
-    return TableCubes() if options.world == "table" else FILLING_METHODS[options.module]
+    return TableCubes() if options.world == "table" else FILLING_METHODS[options.kind.filling]
 
 
 def _prepared_chain(chain: Chain, options: PathOptions, kind: str) -> Preparation:
@@ -586,7 +585,7 @@ def _from_shape(
     filled = filling_of(options).fill(
         shape, options, of_solid=False, seed=seed, time_limit_s=time_limit_s
     )
-    exact = options.module == CUBE.name
+    exact = options.kind.follows_paths
     likenesses = _likenesses(points_of_cells(shape, exact=exact), filled)
     notes = (*shape.notes, *filled.notes)
     return _preparation(kind, shape.name, options, filled, notes, likenesses=likenesses)
@@ -612,7 +611,7 @@ def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: flo
     """Return the better of a fitted path and the path through voxels; see ``MIN_FITTED_GAIN``.
 
     With the method ``exact`` a fitted path has exactly the requested number of modules. On a table
-    the path is taken that should fold more easily. Tetrahedra are always fitted, below
+    the path is taken that should fold more easily. Modules that fill rings are always fitted, below
     ``LONG_CHAIN``: through any set of them that is chosen a trail leads.
     """
     if options.world == "table":
@@ -621,7 +620,7 @@ def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: flo
         return _easier_on_table(solid, voxelised, seed) if may_fit else voxelised
     if not _can_fit(options):
         return _voxelised(solid, options, seed, time_limit_s)
-    if options.method != "auto" or options.module == TETRAHEDRON.name:
+    if options.method != "auto" or not options.kind.follows_paths:
         return _fitted(solid, options, seed)
     from foldback.planner.shapes.voxelise import chooser_for
 
@@ -651,14 +650,14 @@ def _can_fit(options: PathOptions) -> bool:
     if options.method not in ("auto", "exact"):
         return options.method == "fitted"
     modules = DEFAULT_MODULES if options.modules is None else options.modules
-    is_suited = options.module == CUBE.name or options.method == "auto"
+    is_suited = options.kind.follows_paths or options.method == "auto"
     return is_suited and modules < LONG_CHAIN
 
 
 def _has_first_result(options: PathOptions) -> bool:
     """Return True if a fit of a path to a mesh has a first result worth showing."""
     plain = options.world != "table" and options.method != "exact" and options.start is None
-    return plain and options.module == CUBE.name and _can_fit(options)
+    return plain and options.kind.follows_paths and _can_fit(options)
 
 
 def _easier_on_table(solid: Solid, voxelised: Preparation, seed: int) -> Preparation:
@@ -701,10 +700,10 @@ def _fitted(solid: Solid, options: PathOptions, seed: int, *, quick: bool = Fals
     from foldback.planner.path_fit.fill_fitted import fill_fitted
     from foldback.planner.path_fit.fill_trail import fill_with_trail
 
-    if options.module == TETRAHEDRON.name:
-        voxels, filled = fill_with_trail(solid, options, seed=seed)
-    else:
+    if options.kind.follows_paths:
         voxels, filled = fill_fitted(solid, options, seed=seed, quick=quick)
+    else:
+        voxels, filled = fill_with_trail(solid, options, seed=seed)
     notes = (*voxels.notes, *solid.notes)
     return replace(_of_solid(solid, options, voxels, filled, notes), final=not quick)
 
@@ -760,7 +759,7 @@ def _in_cells(solid: Solid, voxels: Voxels) -> InsidePoints:
 def _likenesses(points: InsidePoints, filled: FilledShape) -> tuple[Likeness, ...]:
     """Return the likeness of each chain to the input, given by points in the cells' space.
 
-    Without a chain it is that of cubes in the cells; empty for other modules.
+    Without a chain it is that of one module in each cell; empty for modules that fill rings.
     """
     from foldback.planner.pathfinding.shape_overlap import likeness_of
 

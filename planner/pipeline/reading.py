@@ -93,7 +93,7 @@ def read_shape(
     if start is not None:
         # A fitted path may have fewer modules; the path through blocks may still fit.
         chain = next((chain for chain in chains if len(chain) == len(start)), chain)
-        check_fits(start, chain.module.name, len(chain))
+        check_fits(start, chain.module, len(chain))
         # It is the same chain, whatever size the other shape was drawn in.
         fitting = [k for k, candidate in enumerate(chains) if len(candidate) == len(start)]
         chains = tuple(replace(chains[k], pitch_m=start.pitch_m) for k in fitting)

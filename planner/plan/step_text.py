@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from foldback.planner.chain.built_in_modules import CUBE
 from foldback.planner.chain.module import Module
 from foldback.planner.plan.steps import Modules, Step, Turn
 
@@ -15,18 +14,12 @@ def ordinal(number: int) -> str:
     return f"{number}{ending}"
 
 
-def module_word(module: Module) -> str:
-    """Return the word for a module: cube or tetrahedron."""
-    return "cube" if module is CUBE else "tetrahedron"
-
-
 def modules_text(module: Module, modules: Modules) -> str:
     """Return consecutive modules as text, counted from 1: cubes 8 to 24."""
     first, last = (number + 1 for number in modules)
     if first == last:
-        return f"{module_word(module)} {first}"
-    plural = "cubes" if module is CUBE else "tetrahedra"
-    return f"{plural} {first} {'and' if last == first + 1 else 'to'} {last}"
+        return f"{module.words.singular} {first}"
+    return f"{module.words.plural} {first} {'and' if last == first + 1 else 'to'} {last}"
 
 
 def angle_text(turn: Turn) -> str:
@@ -38,7 +31,7 @@ def turn_text(module: Module, turn: Turn) -> str:
     """Return a turn as text: 7th cube, +90° (z)."""
     hinge = module.hinge_names[turn.hinge % module.hinges_per_joint]
     axis = f" ({hinge})" if hinge else ""
-    return f"{ordinal(turn.module + 1)} {module_word(module)}, {angle_text(turn)}{axis}"
+    return f"{ordinal(turn.module + 1)} {module.words.singular}, {angle_text(turn)}{axis}"
 
 
 def step_text(module: Module, step: Step, *, max_listed: int = 5) -> str:
@@ -51,8 +44,9 @@ def step_text(module: Module, step: Step, *, max_listed: int = 5) -> str:
     """
     hold = f"Hold {modules_text(module, step.held)}."
     turns = [turn_text(module, turn) for turn in step.turns]
-    # The hinge of a cube is at its centre, that of a tetrahedron is at its edge to the next one.
-    preposition = "at" if module is CUBE else "after"
+    # Turns are at a module's centre, or at its border with the next one.
+    central = not any(module.piece(turn.module).exit.any() for turn in step.turns)
+    preposition = "at" if central else "after"
     if len(turns) == 1:
         return f"Turn {preposition} the {turns[0]}. {hold}"
     unlisted = len(turns) - max_listed

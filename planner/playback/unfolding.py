@@ -7,6 +7,7 @@ from typing import Final
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import Module
 from foldback.planner.errors import InputError
 
 MAX_ANGLE_DIFFERENCE_RAD: Final = 1e-6
@@ -33,23 +34,23 @@ class Unfolding:
     rest_frames: tuple[int, ...] = ()
 
 
-def check_fits(begins: Chain, module: str, modules: int) -> None:
+def check_fits(begins: Chain, module: Module, modules: int) -> None:
     """Refuse to refold a chain into one of other modules, or of another number of them.
 
     Args:
         begins: The chain as it is folded at the beginning.
-        module: The kind of module that the other shape is made of.
+        module: The module that the other shape is made of.
         modules: Number of its modules.
 
     Raises:
         InputError: ``refold-differs``.
     """
-    if (module, modules) != (begins.module.name, len(begins)):
-        raise InputError(
-            "refold-differs",
-            f"got a shape of {modules} {PLURALS[module]}, expected {len(begins)} "
-            f"{PLURALS[begins.module.name]}, because the chain starts as {begins.name!r}.",
-        )
-
-
-PLURALS: Final = {"cube": "cubes", "tetrahedron": "tetrahedra"}
+    if module is begins.module and modules == len(begins):
+        return
+    got, expected = module.words.counted(modules), begins.module.words.counted(len(begins))
+    differing = " that differ or follow each other in another order" if got == expected else ""
+    raise InputError(
+        "refold-differs",
+        f"got a shape of {got}{differing}, expected {expected}, because the chain starts as "
+        f"{begins.name!r}.",
+    )

@@ -7,7 +7,7 @@ from typing import Any, Final, cast
 import numpy as np
 
 from foldback.planner.arrays import Array
-from foldback.planner.chain.built_in_modules import module_of
+from foldback.planner.chain.built_in_modules import DEFAULT_MODULE, module_of
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import Module
 from foldback.planner.chain.path import MAX_COORDINATE
@@ -28,7 +28,7 @@ def read_chain(document: dict[str, Any], source: Source) -> Chain:
         InputError: The object is no valid chain; names the key, the joint or the modules.
     """
     refuse_unread_keys(document, CHAIN_KEYS)
-    kind = document.get("module", "cube")
+    kind = document.get("module", DEFAULT_MODULE)
     if not isinstance(kind, str | dict):
         raise InputError(
             "wrong-type",
@@ -132,6 +132,6 @@ def _refuse_turns(angles: list[float]) -> None:
 
 
 def _joint_words(module: Module) -> str:
-    if module.hinges_per_joint == 1:
+    if not any(module.hinge_names):
         return "angles"
     return f"[{', '.join(module.hinge_names)}]"

@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
-from foldback.planner.chain.built_in_modules import CUBE, module_named
+from foldback.planner.chain.built_in_modules import DEFAULT_MODULE, module_of
 from foldback.planner.errors import InputError
 
 MAX_LISTED_EXAMPLES: Final = 6
@@ -30,7 +30,7 @@ class GalleryShape:
         name: Its stem, as ``POST /api/folds`` takes it.
         title: Title for people.
         modules: Modules of its chain.
-        module: Kind of modules: ``cube`` or ``tetrahedron``.
+        module: Name of its modules.
         data: The bytes of its path or chain file.
         tags: Kinds of shapes: ``animal``, ``tool``, ``letter`` …
         rests_within: Torque in w·p within which it is known to rest on a table, without friction;
@@ -42,7 +42,7 @@ class GalleryShape:
     modules: int
     data: bytes
     tags: tuple[str, ...] = ()
-    module: str = CUBE.name
+    module: str = DEFAULT_MODULE
     rests_within: float | None = None
 
     @property
@@ -128,7 +128,7 @@ def _shape(entry: Path, resting: dict[str, float]) -> GalleryShape:
     data = entry.read_bytes()
     content = json.loads(data)
     name = entry.name.removesuffix(".json")
-    module = module_named(str(content.get("module", CUBE.name)))
+    module = module_of(content.get("module", DEFAULT_MODULE))
     if "cells" in content:
         modules = len(content["cells"])
     else:

@@ -37,12 +37,12 @@ class Blocks:
     The state is that of all hinges; those within a block neither move nor accelerate.
 
     Args:
-        chain: Chain of cubes.
+        chain: Chain whose modules fill cells.
         material: Material of its joints and surfaces.
         starts: First modules of the blocks, in ascending order from 0.
 
     Raises:
-        InputError: ``no-blocks`` for modules that don't fill cells, or a chain off the lattice.
+        InputError: ``no-blocks`` for modules that follow no paths, or a chain off the lattice.
     """
 
     def __init__(self, chain: Chain, material: Material, starts: Ints) -> None:
@@ -50,11 +50,11 @@ class Blocks:
         self.starts = np.asarray(starts, dtype=np.int64)
         n = len(chain)
         folded = chain.folded_poses
-        if not chain.module.fills_cell:
+        if not chain.module.follows_paths:
             raise InputError(
                 "no-blocks",
-                f"got a chain of the module type {chain.module.name}, expected cubes; use a "
-                "strategy other than blocks.",
+                f"got a chain of {chain.module.words.plural}, expected modules that fold "
+                "along any path of cells; use a strategy other than blocks.",
             )
         stops = np.append(self.starts[1:], n)
         spec = base_spec()

@@ -14,7 +14,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from foldback.planner.chain.built_in_modules import CUBE
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.path import Path as CellPath
 from foldback.planner.pipeline.request import FoldRequest, PreviewRequest
@@ -45,13 +44,13 @@ def check(directory: Path) -> dict[str, Any]:
     data = (directory / "input").read_bytes()
     contents = read(data, filename=request.filename, as_voxels=request.as_voxels)
     begins = _begins(directory) if request.refold else None
-    if isinstance(contents, CellPath) and request.module == CUBE.name:
+    if isinstance(contents, CellPath) and request.kind.follows_paths:
         contents = Chain.from_path(contents)
     if isinstance(contents, Chain):
         if contents.module.fills_cell:
             _note(directory, np.rint(contents.folded_poses.positions))
         if begins is not None:
-            check_fits(begins, contents.module.name, len(contents))
+            check_fits(begins, contents.module, len(contents))
         if request.world == "table":
             from foldback.planner.pipeline.prepare import check_for_table
 
@@ -70,7 +69,7 @@ def check(directory: Path) -> dict[str, Any]:
         filling.check(shape, options)
         modules = filling.modules_of(shape, options)
         if begins is not None and not options.repair and options.method != "blocks":
-            check_fits(begins, options.module, modules)
+            check_fits(begins, options.kind, modules)
     return {"name": contents.name, "module": options.module, "modules": modules}
 
 

@@ -44,11 +44,11 @@ class Core:
     """
 
     def __init__(self, chain: Chain) -> None:
-        if not chain.module.fills_cell or chain.module.rigid_links != 1:
+        if not chain.module.follows_paths:
             raise InputError(
                 "not-peelable",
-                f"got a chain of the module type {chain.module.name}, expected cubes; use a "
-                "strategy other than peel.",
+                f"got a chain of {chain.module.words.plural}, expected modules that fold "
+                "along any path of cells; use a strategy other than peel.",
             )
         folded = forward_kinematics(chain.module, chain.folded_rad)
         cells = np.rint(folded.positions)

@@ -14,6 +14,7 @@ from foldback import foldback_check
 from foldback.planner.certificate.certificate import Place, certify
 from foldback.planner.certificate.figures_store import Figures
 from foldback.planner.certificate.frame_figures import write_figures
+from foldback.planner.chain.built_in_modules import TETRAHEDRON
 from foldback.planner.chain.chain import Chain
 from foldback.planner.errors import InputError
 from foldback.planner.exports.formats import export_named
@@ -254,7 +255,7 @@ def test_refold_is_refused_before_anything_is_computed(square: Plan, tmp_path: F
         refold(square, COIL, directory=tmp_path)
     assert not (tmp_path / "timeline").exists()
     with pytest.raises(InputError, match="8 tetrahedra"):
-        check_fits(square.chain, "tetrahedron", 8)
+        check_fits(square.chain, TETRAHEDRON, 8)
     with refused("refold-not-folded", match="does not start straight and end folded"):
         replace(square, motion=square.motion[:-3]).unfolding()
 

@@ -30,7 +30,7 @@ def get_json(idle: Service, path: str = "/api/folds", **form: str) -> Any:
 def test_options_that_do_not_suit_a_table_are_refused(idle: Service) -> None:
     """tests/planner/pipeline/test_settings.py has all of them."""
     for form, words in (
-        ({"shape": "tetra-ring"}, "got tetrahedron modules"),
+        ({"shape": "tetra-ring"}, "got a chain of tetrahedra for a fold on a table"),
         ({"start": "0,0,0"}, "got a start cell"),
     ):
         fold = get_json(idle, world="table", **form)
