@@ -37,6 +37,7 @@ from bench.service.remaining_time import remaining_time
 from bench.service.sites import sites
 from bench.service.tours import tours
 from bench.smoothing import smoothing
+from bench.snake_cubes import snake_cubes
 from bench.speed import speed
 from bench.success_map.published import published
 from bench.success_map.seeds import seeds
@@ -81,6 +82,7 @@ SECTIONS = {
     "table-tetrahedra": table_tetrahedra,
     "tetrahedra": tetrahedra,
     "smoothing": smoothing,
+    "snake-cubes": snake_cubes,
     "turns": turns,
     "turns-long": turns_long,
     "statics": statics,

@@ -1254,3 +1254,33 @@ def face_light(
         light: (3,) unit vector towards the key light.
         max_distance: Distance beyond which a module casts no shadow on a face, in pitches.
     """
+
+def snake_cube_paths(
+    near: NDArray[np.int64],
+    symmetries: NDArray[np.int64],
+    starts: NDArray[np.bool_],
+    pieces: NDArray[np.int8],
+    corners: int,
+    choices: NDArray[np.int64],
+    max_steps: int,
+    max_paths: int,
+) -> tuple[NDArray[np.int64], bool, int, NDArray[np.int64]]:
+    """Find paths of equal pieces through one solid or two, each of which visits all cells.
+
+    Of paths that symmetries of their solid map to each other, the one with the smallest numbers of
+    cells is found.
+
+    Args:
+        near: (k, n, 6) neighbours of the n cells of k solids, one or two, in the order of
+            ``STEPS``; −1 without one.
+        symmetries: (k, s, n) permutations of the cells, at most 64; some may occur repeatedly.
+        starts: (k, n) cells in which a path may begin.
+        pieces: (n,) 0 straight, 1 corner, −1 either; those of the two ends mean nothing.
+        corners: Number of corners; −1 for any.
+        choices: Choices to go on with: one zero to begin, then those of the last call.
+        max_steps: Number of attempts to place a piece after which the search is interrupted.
+        max_paths: Number of paths after which it is interrupted.
+
+    Returns:
+        (m, k, n) paths, True if there are no further ones, number of steps, and choices.
+    """

@@ -25,6 +25,7 @@ void bind_robot_steps(nanobind::module_ &);
 void bind_segment_state(nanobind::module_ &);
 void bind_servo_step(nanobind::module_ &);
 void bind_smoothing(nanobind::module_ &);
+void bind_snake_cubes(nanobind::module_ &);
 void bind_speed_profiles(nanobind::module_ &);
 void bind_statics(nanobind::module_ &);
 void bind_step_control(nanobind::module_ &);
@@ -61,6 +62,7 @@ NB_MODULE(_core, m) {
   foldback::bind_segment_state(m);
   foldback::bind_servo_step(m);
   foldback::bind_smoothing(m);
+  foldback::bind_snake_cubes(m);
   foldback::bind_speed_profiles(m);
   foldback::bind_statics(m);
   foldback::bind_step_control(m);
