@@ -66,6 +66,10 @@ Filling = Literal["cells", "rings", "half-cells"]
 six tetrahedra in each cell (``rings``), or two prisms in each cell (``half-cells``)."""
 
 
+JointKind = Literal["hinge", "twist", "universal"]
+"""Kinds of joints: a hinge, a twist about the link, or two hinges at right angles."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Piece:
     """A rigid body of a chain and the joint behind it, in a frame at its centre of mass.
@@ -81,6 +85,7 @@ class Piece:
         entry_axes: (3, 3) axes of the frame of that joint, as columns, at angle zero.
         exit: (3,) centre of the joint behind it.
         exit_axes: (3, 3) axes of the frame of that joint, as columns.
+        joint_kind: ``hinge``, ``twist`` or ``universal``.
         axes: (K, 3) hinge axes of the joint behind it, outermost (nearest this piece) first.
         ranges_rad: (K, 2) smallest and largest angle of each hinge, infinite if it turns freely.
         stops_rad: (K, 2) angles of the stops of a simulated explosion; they give a little, and
@@ -96,6 +101,7 @@ class Piece:
     entry_axes: Array
     exit: Array
     exit_axes: Array
+    joint_kind: JointKind
     axes: Array
     ranges_rad: Array
     stops_rad: Array

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from foldback.planner.arrays import Array
-from foldback.planner.chain.module import Filling, Module, ModuleWords, Piece
+from foldback.planner.chain.module import Filling, JointKind, Module, ModuleWords, Piece
 from foldback.planner.chain.polyhedron import Polyhedron, VolumeMoments, frozen, volume_moments
 from foldback.planner.errors import InputError
 
@@ -17,6 +17,8 @@ MAX_PIECES: Final = 16
 """Maximum number of pieces of a module, and of parts of a piece."""
 MAX_CORNERS: Final = 32
 """Maximum number of corners of a part."""
+MAX_MODULE_CORNERS: Final = 512
+"""Maximum number of corners of all parts of a module."""
 MAX_LENGTH: Final = 100.0
 """Maximum magnitude of a coordinate, in pitches."""
 MAX_PATTERN: Final = 1_000_000
@@ -73,7 +75,7 @@ class HingeValues(Values, frozen=True):
 class JointValues(Values, frozen=True):
     """The joint at the exit of a piece: a hinge, a twist about the link, or two hinges."""
 
-    kind: Literal["hinge", "twist", "universal"]
+    kind: JointKind
     hinges: Annotated[list[HingeValues], msgspec.Meta(min_length=1, max_length=2)]
     step_deg: Annotated[float, msgspec.Meta(gt=0.0, le=180.0)] | None = None
 
@@ -154,6 +156,12 @@ def with_pattern(module: Module, pattern: list[str], rest_deg: list[float] | Non
 
 
 def _module(values: ModuleValues, document: dict[str, Any]) -> Module:
+    corners = sum(len(part.corners) for piece in values.pieces for part in piece.parts)
+    if corners > MAX_MODULE_CORNERS:
+        raise _bad(
+            "pieces",
+            f"got {corners} corners in all parts, expected at most {MAX_MODULE_CORNERS}",
+        )
     pieces = tuple(_piece(piece, k) for k, piece in enumerate(values.pieces))
     names = [piece.name for piece in pieces]
     hinge_names = tuple(hinge.name for hinge in values.pieces[0].joint.hinges)
@@ -218,6 +226,7 @@ def _piece(values: PieceValues, number: int) -> Piece:
         entry_axes=frozen(axes.T @ entry_axes),
         exit=frozen((exit_ - origin) @ axes),
         exit_axes=frozen(axes.T @ exit_axes),
+        joint_kind=values.joint.kind,
         axes=frozen(
             [
                 axes.T @ exit_axes @ _unit(hinge.axis, f"{place}.joint.hinges[{k}].axis")

@@ -10,6 +10,7 @@ from foldback.planner.arrays import Array
 from foldback.planner.chain.built_in_modules import DEFAULT_MODULE, module_of
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import Module
+from foldback.planner.chain.module_checks import check_module
 from foldback.planner.chain.path import MAX_COORDINATE
 from foldback.planner.errors import InputError
 from foldback.planner.readers.limits import Source, described, quote, too_many
@@ -36,6 +37,8 @@ def read_chain(document: dict[str, Any], source: Source) -> Chain:
             where="module",
         )
     module = module_of(quote(kind) if isinstance(kind, str) else cast("dict[str, Any]", kind))
+    if not isinstance(kind, str):
+        check_module(module)
     angles_deg = _angles(document, module, source)
     _refuse_radians(angles_deg)
     _refuse_turns(angles_deg)
