@@ -11,8 +11,11 @@ from foldback.planner.chain.module import Module
 from foldback.planner.chain.module_file import read_module
 from foldback.planner.errors import InputError
 
-MODULE_NAMES: Final = ("cube", "tetrahedron", "snake-prism", "snake-cube")
-"""Names of the modules, the default one first."""
+MODULE_NAMES: Final = (
+    *("cube", "tetrahedron", "snake-prism", "snake-cube"),
+    *("sea-snake", "yamor", "polybot-g2", "molecube", "rofi"),
+)
+"""Names of the modules, the default one first; published robots last."""
 DEFAULT_MODULE: Final = MODULE_NAMES[0]
 """Name of the module of a chain that states none."""
 
