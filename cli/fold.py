@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
@@ -13,6 +13,7 @@ from foldback.cli.options import AsJson, PlanDirectory, Workers, takes
 from foldback.cli.progress_bars import compute
 from foldback.cli.summary import finish, show_choice
 from foldback.planner.errors import InputError
+from foldback.planner.parameters.option import options_of
 from foldback.planner.pathfinding.path_options import table_warning
 from foldback.planner.pipeline.fold_layout import replacing_fold
 from foldback.planner.pipeline.request import FoldRequest
@@ -21,8 +22,15 @@ from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.progress import STAGES
 from foldback.words.plan_choice import choice_of
 
+MODULE_LINE: Final = (
+    f"{options_of(FoldRequest)['module'].line} Or a module file, for an INPUT with joint angles or "
+    "--angles."
+)
 
-@takes()
+
+@takes(
+    lines={"module": f"{MODULE_LINE} Or a module file, for INPUT with joint angles or --angles."}
+)
 def fold(
     *,
     out: PlanDirectory,
@@ -37,10 +45,12 @@ def fold(
         str | None,
         typer.Option(
             help="Instead of INPUT, a chain of tetrahedra: one sign per hinge, such as "
-            "'0 - - + 0'. 0 is straight; + and - are quarter turns in opposite directions."
+            "'0 - - + 0'. 0 is straight; + and - are quarter turns in opposite directions. With a "
+            "module file: angles in degrees, such as '0 90 -45'."
         ),
     ] = None,
     request: FoldRequest,
+    own_module: str | None = None,
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
@@ -49,7 +59,7 @@ def fold(
     Exits with 0 if the plan is verified, with 3 if it is not, and with 2 if the input is bad.
     """
     try:
-        data, filename = read_input(shape, angles)
+        data, filename = read_input(shape, angles, own_module)
         with replacing_fold(out) as place:
             Workspace(place).write_request(replace(request, filename=filename), data)
             read = run_stage(STAGES[0], place)

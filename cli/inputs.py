@@ -20,12 +20,32 @@ if TYPE_CHECKING:
     from foldback.planner.plan.plan import Plan
 
 
-def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str]:
+def read_input(
+    shape: str | None, angles: str | None = None, module: str | None = None
+) -> tuple[bytes, str]:
     """Return the bytes and name of a file, of the example of that name, or of typed angles.
 
+    Args:
+        shape: File, or name of an example.
+        angles: Instead of it, angles of the hinges.
+        module: Module file, or name of a module, of a chain that has none; None for others.
+
     Raises:
-        InputError: If neither or both are given, or the file is too large.
+        InputError: If neither or both are given, or a file is too large or cannot be used.
     """
+    if module is None:
+        return _read_input(shape, angles)
+    from foldback.planner.readers.own_module import built_in_or_file, chain_of_angles, with_module
+
+    own = built_in_or_file(module, _bytes_of(Path(module)) if Path(module).exists() else None)
+    if angles is not None and shape is None:
+        return chain_of_angles(angles, own), "typed.json"
+    data, name = _read_input(shape, angles)
+    return with_module(data, own), name
+
+
+def _read_input(shape: str | None, angles: str | None) -> tuple[bytes, str]:
+    """Return the bytes and name of an input whose modules are not given apart from it."""
     if (shape is None) == (angles is None):
         input_words = "neither INPUT nor" if shape is None else "both INPUT and"
         raise InputError("no-input", f"got {input_words} --angles, expected one of the two.")
@@ -34,6 +54,11 @@ def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str
     path = Path(shape)
     if not path.exists() and (example := Gallery().shape(shape)) is not None:
         return example.data, example.filename
+    return _bytes_of(path), path.name
+
+
+def _bytes_of(path: Path) -> bytes:
+    """Return the bytes of a file."""
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
             raise InputError(
@@ -42,13 +67,13 @@ def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str
                 f"{megabytes(MAX_FILE_BYTES)}.",
                 where=path.name,
             )
-        return path.read_bytes(), path.name
+        return path.read_bytes()
     except OSError as error:
         raise InputError(
             "no-file",
             f"the file cannot be read ({error.strerror}); expected a file, or the "
-            f"name of one of {Gallery().nearest(shape)}.",
-            where=shape,
+            f"name of one of {Gallery().nearest(str(path))}.",
+            where=str(path),
         ) from error
 
 

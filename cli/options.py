@@ -14,7 +14,7 @@ from foldback.cli.inputs import refuse
 from foldback.planner.errors import InputError
 from foldback.planner.parameters.option import Option, options_of
 from foldback.planner.parameters.settings_text import IDEAL
-from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.pathfinding.path_options import MODULE_CHOICES, PathOptions
 from foldback.planner.pipeline.request import FoldRequest
 
 ROBOT_KINDS: Final = {"typical": (), "ideal": (IDEAL,)}
@@ -52,6 +52,9 @@ Workers = Annotated[
         "has stalled. Default: number of cores.",
     ),
 ]
+OWN_MODULE: Final = "own_module"
+"""Parameter of a command that also takes a module file, or another module of foldback's, as the
+value of ``--module``."""
 PATH_OPTIONS: Final = (*options_of(PathOptions), "seed")
 """Names of the options that turn a shape into a path."""
 METAVARS: Final = {int: "INTEGER", float: "FLOAT"}
@@ -71,7 +74,8 @@ def takes(
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Return a decorator that reads the parameter ``request`` of a command from its options.
 
-    The command gets a checked request; one that is refused ends it with 2.
+    The command gets a checked request; one that is refused ends it with 2. A command with the
+    parameter ``own_module`` gets there what ``--module`` says, if it is none of the choices.
 
     Args:
         names: Options, in the order of the help; all if there are none.
@@ -83,8 +87,10 @@ def takes(
 
     def with_options(command: Callable[..., None]) -> Callable[..., None]:
         own_signature = signature(command, eval_str=True)
-        parameters = list(own_signature.parameters.values())
-        place = list(own_signature.parameters).index("request")
+        own_parameters = {**own_signature.parameters}
+        takes_module = own_parameters.pop(OWN_MODULE, None) is not None
+        parameters = list(own_parameters.values())
+        place = list(own_parameters).index("request")
         parameters[place : place + 1] = [
             parameter
             for name in names
@@ -98,7 +104,12 @@ def takes(
                     arguments["settings"] = settings_text_of(
                         arguments["settings"], arguments.pop("robot")
                     )
-                request = schema.of(**{name: arguments.pop(name) for name in names})
+                values = {name: arguments.pop(name) for name in names}
+                if takes_module:
+                    arguments[OWN_MODULE] = None
+                    if values["module"] not in MODULE_CHOICES:
+                        arguments[OWN_MODULE] = values.pop("module")
+                request = schema.of(**values)
                 request.check()
             except InputError as error:
                 refuse(error, as_json)

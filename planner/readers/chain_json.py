@@ -16,6 +16,7 @@ from foldback.planner.errors import InputError
 from foldback.planner.readers.limits import Source, described, quote, too_many
 from foldback.planner.readers.strict_json import name_field, pitch_field, refuse_unread_keys
 
+CHAIN_FORMAT: Final = "foldback-chain/1"
 CHAIN_KEYS: Final = (
     *("format", "name", "module", "joint_angles_deg", "pitch_m"),
     *("first_position", "first_wxyz"),

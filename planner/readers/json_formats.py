@@ -5,20 +5,21 @@ from __future__ import annotations
 from typing import Any, Final, cast
 
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module_file import MODULE_FORMAT
 from foldback.planner.chain.path import Path
 from foldback.planner.errors import InputError
-from foldback.planner.readers.chain_json import read_chain
+from foldback.planner.readers.chain_json import CHAIN_FORMAT, read_chain
 from foldback.planner.readers.gltf import is_gltf, read_gltf
 from foldback.planner.readers.limits import Source, quote
+from foldback.planner.readers.own_module import refuse_alone
 from foldback.planner.readers.path_json import path_from_rows, read_path, read_voxels
 from foldback.planner.readers.strict_json import parse
 from foldback.planner.shapes.shape import Shape
 from foldback.planner.shapes.solid import Solid
 
 PATH_FORMAT: Final = "foldback-path/1"
-CHAIN_FORMAT: Final = "foldback-chain/1"
 VOXELS_FORMAT: Final = "foldback-voxels/1"
-JSON_FORMATS: Final = (PATH_FORMAT, CHAIN_FORMAT, VOXELS_FORMAT)
+JSON_FORMATS: Final = (PATH_FORMAT, CHAIN_FORMAT, VOXELS_FORMAT, MODULE_FORMAT)
 
 
 def is_json(text: str) -> bool:
@@ -43,6 +44,8 @@ def read_json(text: str, source: Source) -> Path | Chain | Shape | Solid:
         return read_chain(document, source)
     if format_name == VOXELS_FORMAT:
         return read_voxels(document, source)
+    if format_name == MODULE_FORMAT:
+        refuse_alone(document)
     if is_gltf(document):
         return read_gltf(document, source)
     raise _wrong_format(document, format_name)

@@ -19,7 +19,7 @@ REFUSALS = {
     "verify file": "This is not a folder",
     "fold --out out": "got neither INPUT nor --angles",
     "fold wrench-24 --angles '- - - +' --out out": "got both INPUT and --angles",
-    "fold wrench-24 --module sphere --out out": "expected one of: cube, tetrahedron",
+    "fold wrench-24 --module sphere --out out": "a module file, or one of: cube, tetrahedron",
     "fold --angles '0 - x +' --out out": "character 5: got x after 2 angles",
     f"{SERVOS} --material wood": "expected aluminium",
     f"{SERVOS} --servo mx28": "MX-28AT",
