@@ -28,7 +28,9 @@ MODULE_LINE: Final = (
 )
 
 
-@takes(lines={"module": MODULE_LINE})
+@takes(
+    lines={"module": f"{MODULE_LINE} Or a module file, for INPUT with joint angles or --angles."}
+)
 def fold(
     *,
     out: PlanDirectory,

@@ -13,15 +13,18 @@ FILES come from strangers. Readers of zip, NumPy and JSON differ in what they ma
 gaps, odd types and the like, so a file with any of these is refused. Sizes are compared with
 bounds before memory is used, and texts are printed as quoted ASCII.
 POSES have four rows: the centre and three axes. A link is a matrix by which a pose is multiplied
-from the left to get the next one; a hinge turns the first two axes about the third.
+from the left to get the next one; a hinge turns the first two axes about the third. Module i is the
+piece, and its link to the next one the link, of place i of the pattern, which begins again and
+again. A piece is made of convex parts, somewhere about its centre: two modules are as far apart as
+the nearest two of their parts. r, L and l below are those of the largest piece and link.
 MOTION. Seen from module i, a point v of module j is y(t) = sum_m P_m(t) e_m + P(t) v, with products
 P_m of hinge rotations and constant links e_m. A derivative brings down one hinge's rate and a cross
 product with a unit vector, so |y^(p)| <= S^p (L + |v|): S is the sum of the |rates| of the hinges
 between i and j, L the length of the links between. Interpolating y at the p Chebyshev nodes of w
 frames is off by at most rem = c (w S)^p (L + |v|), c = 2 / (4^p p!), along each direction. The
 interpolating polynomial is nowhere outside the hull of its Bernstein coefficients.
-AXIS. For a unit vector n fixed in i, the least coefficient of n.y over all corners of j, less the
-support of i along n, less rem, bounds the distance of the modules from below for all the interval.
+AXIS. For a unit vector n fixed in i, the least coefficient of n.y over all corners of a part of j,
+less the support of a part of i along n, less rem, bounds the distance of the parts from below.
 If that is too little, the interval is halved. The choice of n cannot make a bound wrong.
 CANDIDATES. Modules with centres 2 r + claim apart are clear, r being the radius of a module. Seen
 from a root module, a centre stays in the box around its coefficients, widened by rem. Boxes around
@@ -44,6 +47,7 @@ and x <= D for them. No distance is off by more because of that. From these bodi
 window and tail are seen with d <= l n and x <= D + l n, but only m links turn, m being the most of
 a batch: hinges at 0 and poses in the straight chain are exact where all constant turns are, and
 anchor and offset are halves of whole numbers. So points are off by m (l n + D + 2 r) (2 e + 48 u).
+Where they are not exact, the tail is seen by way of its first module: not 2 e + 48 u but half more.
 The sum of both is used if it is less. A batch has m <= 2 w + 1, w being the most of one interval.
 Bernstein coefficients multiply that by |B|; B itself, axes and supports add 256 u |B| times the
 length l n + 2 r, by parts with D. The sum is `rounding`, taken off every bound; 1e-8 for 160 cubes.
@@ -88,7 +92,15 @@ TETRAHEDRON = {
     "hinges": [""], "rigid_links": 0, "apart": 1, "limit_rad": math.radians(90.85),
 }
 MODULES = {"cube": CUBE, "tetrahedron": TETRAHEDRON}
-FORMAT = "foldback-claim/1"
+WEDGE = [[x, y, z] for x, y in ((-1 / 3, -1 / 3), (2 / 3, -1 / 3), (-1 / 3, 2 / 3))
+         for z in (-0.5, 0.5)]
+TWISTS = {  # of each piece: corners, place and axis of the joint before it, and of that behind it
+    "snake-prism": [[*WEDGE, [-1 / 3, 1 / 6, 0.0], ONE[0], [1 / 6, -1 / 3, 0.0], [0.0, -1.0, 0.0]]],
+    "snake-cube": [[*CUBE["corners"], [-0.5, 0.0, 0.0], ONE[0], [0.5, 0.0, 0.0], ONE[0]],
+                   [*CUBE["corners"], [-0.5, 0.0, 0.0], ONE[0], [0.0, 0.5, 0.0], ONE[1]]],
+}
+FORMATS = "foldback-claim/1", "foldback-claim/2"  # the first has one part and equal ranges
+FREE = 2 * math.pi  # rad, by which a hinge without a range turns at most, either way
 RULES = {1: "none", 2: "consecutive modules (i, i+1)"}  # of exempt pairs, by `apart`
 SLIP = 1e-6  # rad by which a hinge may miss what is said of it; by more, it is bent
 STEP = math.pi / 2 * 2.0**-23  # rad, unit of angles in planes
@@ -99,7 +111,8 @@ KINDS = {
 }
 MAX_FILE, MAX_ARRAY, MAX_TEXT = 2**30, 2**28, 2**26  # bytes: of a file, an array, a text in it
 NAME = re.compile(rb"\w{1,64}\.npy")
-MAX_MODULES, MAX_FRAMES, MAX_PARTS, MAX_HINGES, MAX_DEPTH = 2**18, 2**20, 64, 4, 64
+MAX_MODULES, MAX_FRAMES, MAX_HINGES, MAX_DEPTH = 2**18, 2**20, 4, 64
+MAX_PIECES, MAX_CORNERS = 16, 96  # also of parts of a piece; also of faces and edges of a part
 HEADER = re.compile(rb"\{'descr': '[<|](f8|f4|i8|u1|U\d{1,9})', 'fortran_order': (False|True), "
                     rb"'shape': \((|\d{1,9},|\d{1,9}, \d{1,9})\), \} *\n")
 NOTHING = "nothing folds"
@@ -150,7 +163,7 @@ def numbers(value, *shape):
     if length != shape[0] and not 0 < length <= -shape[0]:
         raise Unreadable(f"got {quoted(value)}, expected a list of {abs(shape[0])} parts" +
                          " at most" * (shape[0] < 0))
-    return np.array([numbers(part, *shape[1:]) for part in value], float)
+    return np.array([numbers(part, *shape[1:]) for part in value], float) + 0.0  # no -0.0
 
 
 def whole(value, low, high):
@@ -266,54 +279,132 @@ def relative(origin, poses):
     return apart @ origin[..., 1:, :].swapaxes(-1, -2)
 
 
-def geometry(values):
+def listed(value, most):
+    """Return a list that is neither empty nor longer than told."""
+    readable(type(value) is list and 0 < len(value) <= most,
+             f"got {quoted(value)}, expected a list of {most} parts at most")
+    return value
+
+
+def geometry(values, form):
     """Return a module's description with arrays; lists and texts have a bounded length."""
     names = values["hinges"]
     readable(type(names) is list and 0 < len(names) <= MAX_HINGES and
              all(type(name) is str and len(name) <= 16 for name in names),
              "names of hinges that cannot be")
-    return {part: numbers(values[part], *shape) for part, shape in {
-        "corners": (-MAX_PARTS, 3), "faces": (-MAX_PARTS, 3), "edges": (-MAX_PARTS, 3),
-        "anchor": (3,), "offset": (3,), "turns": (len(names) + 1, 3, 3), "limit_rad": (),
-    }.items()} | {"hinges": names, "rigid_links": whole(values["rigid_links"], 0, 1),
-                  "apart": whole(values["apart"], 1, 2)}
+    if form == FORMATS[0]:
+        limit = numbers(values["limit_rad"])
+        link = values | {"ranges_rad": [[-limit, limit]] * len(names)}
+        values = values | {"pieces": [[values]], "links": [link], "pattern": [[0, 0]]}
+    links = [fields(link) for link in listed(values["links"], MAX_MODULES)]
+    for link in links:
+        free = listed(link["ranges_rad"], MAX_HINGES)
+        link |= {"ranges_rad": [[-FREE, FREE] if turns is None else turns for turns in free]}
+    pieces = [[{part: numbers(fields(body)[part], -MAX_CORNERS, 3)
+                for part in ("corners", "faces", "edges")} for body in listed(piece, MAX_PIECES)]
+              for piece in listed(values["pieces"], MAX_PIECES)]
+    for body in (body for piece in pieces for body in piece if form != FORMATS[0]):
+        high = body["corners"] @ body["faces"].T
+        on = np.maximum(*((side > side.max(0) - 1e-9).sum(0) for side in (high, -high)))
+        require(on.min() > 2, "a part with corners outside its faces")
+    return {part: np.array([numbers(link[part], *shape) for link in links]) for part, shape in {
+        "anchor": (3,), "offset": (3,), "turns": (len(names) + 1, 3, 3),
+        "ranges_rad": (len(names), 2),
+    }.items()} | {
+        "pieces": pieces, "hinges": names, "rigid_links": whole(values["rigid_links"], 0, 1),
+        "apart": whole(values["apart"], 1, 2), "pattern": [
+            (whole(piece, 0, len(pieces) - 1), whole(link, 0, len(links) - 1))
+            for piece, link in numbers(values["pattern"], -MAX_MODULES, 2).tolist()]}
 
 
-def alike(first, second):
-    """Return True if two descriptions of a module (`geometry`) are equal."""
-    return all(np.array_equal(first[part], second[part]) for part in second)
+def is_usual(kind, description):
+    """Return True if a description (`geometry`) is that of foldback's module of this name."""
+    if kind in MODULES:
+        both = description, geometry(MODULES[kind], FORMATS[0])
+        return len({json.dumps(one, default=np.ndarray.tolist) for one in both}) == 1
+    # Twist modules may be in any order and shape at rest, and their frames turned in any way.
+    anchor, offset, turns, ranges = (
+        description[part] for part in ("anchor", "offset", "turns", "ranges_rad"))
+    free = np.abs(ranges).min() == FREE and len(description["hinges"]) == description["apart"] == 1
+    known, pattern = [np.matmul(rows, np.transpose(rows)) for rows in TWISTS[kind]], [
+        *description["pattern"]]
+    for (_, before), (piece, link) in {*zip(pattern[-1:] + pattern[:-1], pattern, strict=True)}:
+        rows = np.array([*description["pieces"][piece][0]["corners"], -offset[before],
+                         turns[before, -1, 2], anchor[link], turns[link, 0, :, 2]])
+        free &= len(description["pieces"][piece]) == 1 and any(
+            len(rows) == len(other) and np.abs(rows @ rows.T - other).max() < 1e-9
+            for other in known)
+    return free and not description["rigid_links"]
+
+
+class Part:
+    """A convex body at its size: corners, and directions of its faces and edges."""
+
+    def __init__(self, values, size):
+        self.corners, self.faces, self.edges = size * values["corners"], values["faces"], values[
+            "edges"]
+        self.solid = np.insert(self.corners, 0, 1.0, axis=1)  # for products with whole poses
+
+    def gaps(self, other, pose, by_edges):
+        """Return axes (Q, A, 3), and how far they separate the part from another at (Q, 4, 3).
+
+        Axes are the line of centres and all normals of faces, or cross products of two edges.
+        """
+        y = (other.solid.mean(0) @ pose - self.corners.mean(0))[:, None]
+        normals, others = (self.edges, other.edges) if by_edges else (self.faces, other.faces)
+        turned = others @ pose[:, 1:]
+        axes = (np.cross(normals[:, None], turned[:, None]).reshape(
+            len(pose), len(normals) * len(others), 3) if by_edges else np.hstack(
+                [y, np.broadcast_to(normals, (len(pose), *normals.shape)), turned]))
+        size = np.linalg.norm(axes, axis=2, keepdims=True)
+        axes = np.where(axes @ y.swapaxes(1, 2) < 0.0, -axes, axes) / size.clip(1e-6)
+        gaps = (axes @ pose.swapaxes(1, 2) @ other.solid.T).min(2) - (
+            axes @ self.corners.T).max(2)
+        return axes, np.where(size[..., 0] > 1e-6, gaps, -math.inf)
 
 
 class Module:
-    """A convex module at its size: corners, directions of its parts, links from hinge to hinge."""
+    """Modules at their size: pieces, and links from hinge to hinge, by place in the pattern."""
 
     def __init__(self, description, size):
-        self.description = description = geometry(description)
-        corners, anchor, offset, turns, self.faces, self.edges = (
-            np.array(description[part])
-            for part in ("corners", "anchor", "offset", "turns", "faces", "edges"))
-        self.names, self.limit = [*description["hinges"]], description["limit_rad"]
-        self.rigid, self.apart = int(description["rigid_links"]), int(description["apart"])
-        self.corners = corners * size
-        self.solid = np.insert(self.corners, 0, 1.0, axis=1)  # for products with whole poses
-        self.radius = np.linalg.norm(self.corners, axis=1).max() * (1 + 1e-12)
-        self.length = (np.linalg.norm(anchor) + np.linalg.norm(offset)) * (1 + 1e-12)
+        self.description = description
+        anchor, offset, turns, ranges = (
+            description[part] for part in ("anchor", "offset", "turns", "ranges_rad"))
+        self.names, self.rigid, self.apart = [*description["hinges"]], *(
+            description[name] for name in ("rigid_links", "apart"))
+        self.pieces = [[Part(part, size) for part in piece] for piece in description["pieces"]]
+        self.piece, self.link = np.array(description["pattern"]).T
+        parts = [part for piece in self.pieces for part in piece]
+        self.radius = max(np.linalg.norm(part.corners, axis=1).max() for part in parts) * (
+            1 + 1e-12)
+        self.length = (np.linalg.norm(anchor, axis=1) + np.linalg.norm(offset, axis=1)).max() * (
+            1 + 1e-12)
         self.exact = np.isin(turns, (-1.0, 0.0, 1.0)).all()
         self.is_straight_exact = self.exact and not (2 * np.append(anchor, offset) % 1).any()
-        self.links = np.tile(np.eye(4), (len(self.names) + 1, 1, 1))
-        self.links[:, 1:, 1:] = turns.swapaxes(1, 2)
-        self.links[0, 0, 1:], self.links[-1, 0, 1:] = anchor, turns[-1] @ offset
-        parts = np.concatenate([corners, self.edges, [anchor, offset]])
-        require(np.abs(turns @ turns.swapaxes(1, 2) - ONE).max() < 1e-15 and
-                (np.linalg.det(turns) > 0).all() and np.abs(parts).max() < 1e6 and
-                np.abs((self.faces**2).sum(1) - 1).max() < 1e-15 and self.length > 1e-6 and
-                0.0 < self.limit <= 2 * math.pi, "a module that cannot be")
+        self.ranges, self.links = ranges, np.tile(np.eye(4), (*turns.shape[:2], 1, 1))
+        self.links[..., 1:, 1:] = turns.swapaxes(2, 3)
+        self.links[:, 0, 0, 1:] = anchor
+        self.links[:, -1, 0, 1:] = np.einsum("tab,tb->ta", turns[:, -1], offset)
+        faces = np.concatenate([part.faces for part in parts])
+        lengths = np.concatenate([*(one for part in parts for one in (part.corners, part.edges)),
+                                  anchor, offset])
+        require(np.abs(turns @ turns.swapaxes(2, 3) - ONE).max() < 1e-15 and
+                (np.linalg.det(turns) > 0).all() and np.abs(lengths).max() < 1e6 and
+                np.abs((faces**2).sum(1) - 1).max() < 1e-15 and self.length > 1e-6 and
+                (ranges[..., 0] < ranges[..., 1]).all() and (ranges[..., 0] <= 0.0).all() and
+                (ranges[..., 1] >= 0.0).all() and np.abs(ranges).max() <= FREE,
+                "a module that cannot be")
 
-    def poses(self, q, pose):
-        """Return poses (m+1, M, 4, 3) of a module and m after it, from (m, K, M) and (4, 3, M)."""
+    def poses(self, q, pose, first=0):
+        """Return poses (m+1, M, 4, 3) of module `first` and m after it.
+
+        Args:
+            q: (m, K, M) angles.
+            pose: (4, 3, M) pose of module `first`.
+        """
         poses, cos, sin = [pose], np.cos(q), np.sin(q)
         for m in range(len(q)):
-            for k, link in enumerate(self.links):
+            for k, link in enumerate(self.links[self.link[(first + m) % len(self.link)]]):
                 pose = (link @ pose.reshape(4, -1)).reshape(pose.shape)
                 if k < len(self.names):
                     c, s = cos[m, k], sin[m, k]
@@ -325,20 +416,6 @@ class Module:
         """Return poses (n, 4, 3) of a chain with these angles, a slot each."""
         start = np.eye(4, 3, -1)[:, :, None]
         return self.poses(angles.reshape(-1, len(self.names), 1), start)[:, 0]
-
-    def gaps(self, pose, by_edges):
-        """Return axes (Q, A, 3), and how far they separate the module from those at (Q, 4, 3).
-
-        Axes are the line of centres and all normals of faces, or cross products of two edges.
-        """
-        y, normals = pose[:, :1], self.edges if by_edges else self.faces
-        turned = normals @ pose[:, 1:]
-        axes = (np.cross(normals[:, None], turned[:, None]).reshape(len(pose), len(normals) ** 2, 3)
-                if by_edges else np.hstack([y, np.broadcast_to(normals, turned.shape), turned]))
-        size = np.linalg.norm(axes, axis=2, keepdims=True)
-        axes = np.where(axes @ y.swapaxes(1, 2) < 0.0, -axes, axes) / size.clip(1e-6)
-        gaps = (axes @ pose.swapaxes(1, 2) @ self.solid.T).min(2) - (axes @ self.corners.T).max(2)
-        return axes, np.where(size[..., 0] > 1e-6, gaps, -math.inf)
 
 
 class Plan:
@@ -366,20 +443,23 @@ class Plan:
         chain, certificate = fields(text["chain"]), fields(text["certificate"])
         stated = fields(text["claim"])
         form, step = stated.get("format"), certificate.get("max_joint_step_rad")
-        require(form == FORMAT, f"its claim has the format {quoted(form)}, expected {FORMAT}; "
-                "another version of this checker may know it")
-        self.kind, self.count = chain["module"], whole(chain["modules"], 2, MAX_MODULES)
-        readable(type(self.kind) is str, f"got {quoted(self.kind)}, expected a kind of module")
-        usual = MODULES.get(self.kind)
+        require(form in FORMATS, f"its claim has the format {quoted(form)}, expected "
+                f"{' or '.join(FORMATS)}; another version of this checker may know it")
+        kind, self.count = chain["module"], whole(chain["modules"], 2, MAX_MODULES)
+        self.kind = kind.get("name") if type(kind) is dict else kind
+        readable(type(self.kind) is str, f"got {quoted(kind)}, expected a kind of module")
+        self.rest = ("straight", "at rest (all hinges at 0)")[FORMATS.index(form)]
         self.size = float(numbers(certificate["module_size"] if size is None else size))
         bound = certificate.get("clearance_bound") if claim is None else claim
         self.claim = 0.0 if bound is None else float(numbers(bound))
         self.step = math.inf if step is None else numbers(step) or math.inf
-        self.module = Module(fields(stated.get("module")), self.size)
-        self.is_usual = usual is not None
-        require(not usual or alike(self.module.description, usual), f"{self.kind}s of another kind")
+        self.module = Module(geometry(fields(stated.get("module")), form), self.size)
+        self.is_usual = self.kind in MODULES or self.kind in TWISTS
+        require(not self.is_usual or is_usual(self.kind, self.module.description),
+                f"modules with the name {self.kind}, but of another kind")
         hinges = (self.count - 1 - self.module.rigid) * len(self.module.names)
         self.pad = self.module.rigid * len(self.module.names)
+        self.ranges = self.module.ranges[np.resize(self.module.link, self.count - 1)].reshape(-1, 2)
         self.folded = np.append(np.zeros(self.pad), numbers(chain["folded_rad"], hinges))
         start = text.get("start")
         self.start = np.zeros(hinges) if start is None else numbers(
@@ -465,7 +545,9 @@ class Plan:
             numbers(fields(pairs).get("apart")) == apart and numbers(pairs.get("count")) ==
             self.exempt and pairs.get("rule") in (None, RULES[apart]))
         same_frames = frames is None or numbers(frames) == self.frames
-        yield "angles within the limit", self.largest <= self.module.limit + SLIP
+        yield "angles within the ranges of the hinges", self._within(
+            self.folded, 0) and all(self._within(self.values[o : o + b - a], a) for a, b, o in zip(
+                self.first, self.last, self.offsets[:-1], strict=True))
         yield "module size and clearance", 0.0 < self.size <= 1.0 and 0.0 < self.claim < math.inf
         yield "exempt pairs", same_pairs
         yield "frames", same_frames
@@ -476,6 +558,11 @@ class Plan:
             off = np.abs(q - angles).max(initial=0.0)
             near = off <= SLIP or (words == "end" and not ends)
             yield f"{words} of the motion; a hinge is off by {off:.7f} rad", near
+
+    def _within(self, angles, slot):
+        """Return True if angles of slots from one on are within their ranges."""
+        low, high = self.ranges[slot : slot + len(angles)].T
+        return ((angles >= low - SLIP) & (angles <= high + SLIP)).all()
 
     @property
     def module_words(self):
@@ -531,7 +618,8 @@ class Batch:
         self.middle = self.k + t[:, MID]
         q = (q[:, None] + t[:, :, None] * rate[:, None]).reshape(t.size, m, hinges)
         start = np.repeat(proof.folded[c, :, 1:, None], t.size, axis=2)
-        bodies = np.insert(module.poses(q.transpose(1, 2, 0), start), 0, np.eye(4, 3, -1), axis=0)
+        poses = module.poses(q.transpose(1, 2, 0), start, c)
+        bodies = np.insert(poses, 0, np.eye(4, 3, -1), axis=0)
         self.bodies = bodies.reshape(m + 2, *t.shape, 4, 3)
 
     def poses(self, i, b):
@@ -539,7 +627,7 @@ class Batch:
         poses, last = self.bodies[self.at[i], b], self.c + self.m
         front, behind = np.flatnonzero(i < self.c), np.flatnonzero(i > last)
         poses[front] = self.proof.folded[i[front]][:, None] @ poses[front]
-        poses[behind] = self.proof.straight[i[behind] - last][:, None] @ poses[behind]
+        poses[behind] = self.proof.tail(last, i[behind])[:, None] @ poses[behind]
         return poses
 
     def boxes(self):
@@ -549,7 +637,8 @@ class Batch:
         hull = relative(self.bodies[self.at[root]], self.bodies)
         hull = np.tensordot(BERNSTEIN, hull, (1, 2)).swapaxes(0, 1)
         front = np.tensordot(self.proof.folded[:c, 0], hull[0], (1, 2))
-        behind = np.tensordot(self.proof.straight[1 : n - c - self.m, 0], hull[-1], (1, 2))
+        tail = self.proof.tail(c + self.m, np.arange(c + self.m + 1, n), 1)
+        behind = np.tensordot(tail[:, 0], hull[-1], (1, 2))
         hull = np.concatenate([front, hull[1:, ..., 0, :], behind])
         turn = np.abs(self.S - self.S[:, [root]]).T + self.slack
         links = np.abs(np.arange(n) - root)[:, None] * self.proof.plan.module.length
@@ -588,8 +677,8 @@ class Proof:
     def __init__(self, plan):
         module, n = plan.module, plan.count
         self.plan, self.tightest, self.looks, self.step = plan, (math.inf, 0.0, 0, 0), 0, 0.0
-        self.folded, self.straight = (np.insert(module.chain(angles), 0, [1, 0, 0, 0], axis=2)
-                                      for angles in (plan.folded, 0.0 * plan.folded))
+        self.folded = np.insert(module.chain(plan.folded), 0, [1, 0, 0, 0], axis=2)
+        self.straight = module.chain(0.0 * plan.folded)
         turns = self.folded[:, 1:, 1:]
         turns[:] = 1.5 * turns - 0.5 * turns @ turns.swapaxes(1, 2) @ turns  # orthonormal
         self.chain_rounding, by_parts = self._roundings()
@@ -605,13 +694,19 @@ class Proof:
         require(self.step <= plan.step + 1e-9, f"a hinge turns by {self.step:.6f} rad "
                 "between two frames, more than the plan states")
 
+    def tail(self, last, i, rows=4):
+        """Return the first rows of links (Q, 4, 4) from a module to others behind it at rest."""
+        seen = relative(self.straight[last], self.straight[i, :rows])
+        return np.insert(seen, 0, np.eye(4)[0, :rows], axis=2)
+
     def _roundings(self):
         """Return the bounds of ROUNDING: of any chain; by parts, or infinite without them."""
         plan, module, n, hinges = (self.plan, self.plan.module, self.plan.count,
                                    len(self.plan.module.names))
         a = (4 * 2 + 2) * plan.largest * U + 8 * U
         e = hinges * math.sqrt(2) * (2 * a + 3 * U) + (not module.exact) * (hinges + 1) * 40 * U
-        scale, link = np.abs(BERNSTEIN).sum(1).max() * (1 + 1e-6), 2 * e + 48 * U
+        scale = np.abs(BERNSTEIN).sum(1).max() * (1 + 1e-6)
+        link = (2 + (plan.windowed and not module.is_straight_exact)) * (e + 24 * U)
         D = module.length + np.linalg.norm(np.ptp(self.folded[:, 0, 1:], axis=0))
         size = module.length * n + 2 * module.radius
         moved = n * (D + 2 * module.radius) + (2 * plan.widest + 1) * (size + D)
@@ -626,7 +721,8 @@ class Proof:
         rows = np.concatenate([rows, *(np.insert(item[3], 0, b, axis=1)
                                        for b, item in enumerate(items) if item[3] is not None)])
         self.looks += len(rows)
-        parts = np.array_split(rows, len(rows) // PAIRS_AT_ONCE + 1)
+        sides = max(len(part.edges) for piece in self.plan.module.pieces for part in piece)
+        parts = np.array_split(rows, len(rows) * max(64, sides**2) // (64 * PAIRS_AT_ONCE) + 1)
         open_rows = np.concatenate([self._left(batch, part) for part in parts])
         for b in np.union1d(crowded, open_rows[:, 0]):
             k, t, w, _ = items[b]
@@ -642,14 +738,14 @@ class Proof:
         pose = relative(batch.poses(i, b), batch.poses(j, b))
         turn = batch.S[b, j] - batch.S[b, i] + batch.slack[b]
         lost = REMAINDER * turn**ORDER * ((j - i) * module.length + module.radius) + self.rounding
-        bound, gap = np.full((2, len(rows)), -math.inf)
-        for by_edges in (False, True):
-            q = np.flatnonzero(~(bound >= claim))
-            axes, gaps = module.gaps(pose[q, MID], by_edges)
-            n = np.take_along_axis(axes, gaps.argmax(1)[:, None, None], axis=1)[:, 0]
-            line = BERNSTEIN @ np.einsum("qkax,qx->qka", pose[q], n)
-            low = (line @ module.solid.T).min((1, 2)) - (n @ module.corners.T).max(1) - lost[q]
-            bound[q], gap[q] = np.maximum((bound[q], gap[q]), (low, gaps.max(1)))
+        bound, gap = np.full((2, len(rows)), math.inf)
+        first, second = module.piece[np.stack([i, j]) % len(module.piece)]
+        for code in np.unique(first * MAX_PIECES + second):
+            q = np.flatnonzero(first * MAX_PIECES + second == code)
+            for one in module.pieces[code // MAX_PIECES]:
+                for other in module.pieces[code % MAX_PIECES]:
+                    apart = self._apart(one, other, pose[q], lost[q])
+                    bound[q], gap[q] = np.minimum((bound[q], gap[q]), apart)
         if gap.min(initial=math.inf) < self.tightest[0]:
             q = gap.argmin()
             self.tightest = float(gap[q]), float(batch.middle[b[q]]), int(i[q]), int(j[q])
@@ -657,6 +753,18 @@ class Proof:
         require(smallest >= claim,
                 f"{pair(*modules)}: no gap above {smallest:.9f} at frame {frame + 1:.5f}")
         return rows[~(bound >= claim)]
+
+    def _apart(self, one, other, pose, lost):
+        """Return bounds (Q,) of the distance of two parts, and gaps at the middle of intervals."""
+        bound, gap = np.full((2, len(pose)), -math.inf)
+        for by_edges in (False, True):
+            q = np.flatnonzero(~(bound >= self.plan.claim))
+            axes, gaps = one.gaps(other, pose[q, MID], by_edges)
+            n = np.take_along_axis(axes, gaps.argmax(1)[:, None, None], axis=1)[:, 0]
+            line = BERNSTEIN @ np.einsum("qkax,qx->qka", pose[q], n)
+            low = (line @ other.solid.T).min((1, 2)) - (n @ one.corners.T).max(1) - lost[q]
+            bound[q], gap[q] = np.maximum((bound[q], gap[q]), (low, gaps.max(1)))
+        return bound, gap
 
 
 def check_shape(plan, frame, path):
@@ -686,10 +794,11 @@ def prove(plan, result, start=None, end=None):
     result |= {"modules": plan.count, "module": plan.module_words, "size": plan.size,
                "exempt": plan.exempt, "frames": plan.frames, "clearance": plan.claim,
                "angles_sha256": plan.digest}
-    result["start"] = "straight" if not bent[0] else (
+    result["start"] = plan.rest if not bent[0] else (
         f"in another shape: {plan.shape_words(0, bent[0])}; the chain is " +
-        (f"straight after {straight[0]} of {last} steps" if straight.size else "never straight"))
-    result["end"] = f"folded: {plan.shape_words(last, bent[-1])}" if bent[-1] else "straight"
+        (f"{plan.rest} after {straight[0]} of {last} steps" if straight.size else
+         f"never {plan.rest}"))
+    result["end"] = f"folded: {plan.shape_words(last, bent[-1])}" if bent[-1] else plan.rest
     for frame, path in (0, start), (last, end):
         if path:
             check_shape(plan, frame, path)

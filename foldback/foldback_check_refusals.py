@@ -8,11 +8,12 @@ confirmed for modules as the plan describes them, not foldback's, 1: not proved 
 no plan.
 
 The record of a search that failed is proved like a plan: folded at first, no contact. Its
-last frame then shows one of three things. BLOCKS: cubes or tetrahedra overlap if no face and no two
-edges give a separating axis. Edges parallel to 1e-6 are left out, so overlaps count from 1e-4 on. A
-hinge, or a group, that makes modules overlap somewhere on its way cannot pass there by itself.
+last frame then shows one of three things. BLOCKS: two parts overlap if no face and no two edges
+give a separating axis; faces and edges of a part must be all that the hull of its corners has.
+Edges parallel to 1e-6 are left out, so overlaps count from 1e-4 on. A hinge, or a group, that makes
+modules overlap somewhere on its way cannot pass there by itself.
 QUARTER TURNS: the record is the folded state alone, and each hinge makes modules overlap somewhere
-on its way by a quarter turn, in each direction that its limit allows.
+on its way by a quarter turn, in each direction that its range allows.
 KNOT: the line through all centres, lengthened at both ends and closed outside, is knotted. Look at
 it along any direction and give a number to each arc, so that 2 over = before + after wherever one
 passes under another (Fox). The matrix of these equations, less a row and a column, has the same
@@ -94,12 +95,32 @@ class Refused(Plan):
         self.read(file, text, size, TOUCH, ends=False)
 
 
+def require_all_sides(module):
+    """Require that faces and edges of all parts are those of their hulls (BLOCKS)."""
+    for part in (part for piece in module.pieces for part in piece):
+        v = part.corners
+        a, b, c = v[np.array([*itertools.combinations(range(len(v)), 3)]).T]
+        n, size = np.cross(b - a, c - a), np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        n, a = n[size > 1e-9] / size[size > 1e-9, None], a[size > 1e-9]
+        high = v @ n.T - (a * n).sum(1)
+        outer = (high < 1e-9).all(0) | (high > -1e-9).all(0)
+        n, on = n[outer], np.abs(high[:, outer]) < 1e-9  # faces, maybe often, and corners on them
+        edges = [v[j] - v[i] for i, j in itertools.combinations(range(len(v)), 2)
+                 if np.linalg.matrix_rank(n[on[i] & on[j]], 1e-6) > 1]
+        for directions, known in (n, part.faces), (np.array(edges).reshape(-1, 3), part.edges):
+            crossed = np.linalg.norm(np.cross(directions[:, None], known), axis=2)
+            require(len(directions) and (crossed.min(1) < 1e-7).all(),
+                    "modules whose separating axes are not known")
+
+
 def stopped(module, evidence, middle, end, poses):
     """Require that two modules overlap as told, one before `middle`, one from there to `end`."""
     i, j = sorted(evidence["modules"])
     require(0 <= i < middle <= j < end and j - i >= module.apart, pair(i, j))
     pose = relative(poses[i], poses[j : j + 1])
-    deep = -max(module.gaps(pose, by_edges)[1].max() for by_edges in (False, True))
+    one, other = (module.pieces[module.piece[k % len(module.piece)]] for k in (i, j))
+    deep = -min(max(part.gaps(body, pose, by_edges)[1].max() for by_edges in (False, True))
+                for part in one for body in other)
     require(deep >= DEEP and abs(deep - evidence["overlap"]) <= 1e-6,
             f"{pair(i, j)} overlap by {deep:.9f}, the plan says {evidence['overlap']:.9f}")
 
@@ -111,7 +132,7 @@ def blocks(plan, evidence, _):
     bend, first = evidence["bent_above_rad"], evidence["first_hinge"] + pad
     hinges = len(module.names)
     bent = first + np.flatnonzero(np.abs(q[first:]) > bend)
-    require(plan.is_usual, "modules whose separating axes are not known")
+    require_all_sides(module)
     require(turns + moves and 0.0 < bend <= math.pi / 3 and first >= pad and
             np.abs(q - plan.folded)[:first].max(initial=0.0) <= 1e-5 and
             [turn["hinge"] + pad for turn in turns] == bent.tolist(), "other bent hinges")
@@ -141,12 +162,12 @@ def quarter_turns(plan, evidence, _):
     module, pad, turns, quarter = plan.module, plan.pad, evidence["turns"], math.pi / 2
     q, hinges = plan.folded, len(module.names)
     off = np.abs(plan.angles(plan.frames - 1, 0, len(q)) - q).max()
-    require(plan.is_usual, "modules whose separating axes are not known")
+    require_all_sides(module)
     require(off <= SLIP, f"the search has left the folded state by {off:.6f} rad")
     all_turns = [(slot, sign) for slot in range(pad, len(q)) for sign in (-1, 1)
-                 if abs(q[slot] + sign * quarter) <= module.limit]
+                 if plan.ranges[slot, 0] <= q[slot] + sign * quarter <= plan.ranges[slot, 1]]
     require([(turn["hinge"] + pad, np.sign(turn["turned_rad"])) for turn in turns] == all_turns,
-            f"other turns than the {len(all_turns)} that the hinges' limits allow")
+            f"other turns than the {len(all_turns)} that the hinges' ranges allow")
     batch, start = max(1, MODULES_AT_ONCE // plan.count), np.eye(4, 3, -1)[:, :, None]
     for at in range(0, len(turns), batch):
         part, slots = turns[at : at + batch], [slot for slot, _ in all_turns[at : at + batch]]

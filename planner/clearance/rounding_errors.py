@@ -38,18 +38,17 @@ def clearance_rounding(chain: Chain, motion: Motion, module_size: float) -> floa
     """
     module, count, u = chain.module, len(chain), UNIT_ROUNDOFF
     hinges = module.hinges_per_joint
-    joint = module.joint
-    angle = (10.0 * module.largest_angle_rad + 8.0) * u
-    parts = np.concatenate([joint.axes.ravel(), joint.turn.ravel()])
+    angle = (10.0 * module.angle_limit_rad + 8.0) * u
+    parts = np.concatenate([module.axes.ravel(), module.turn.ravel()])
     is_exact = bool(np.isin(parts, (-1.0, 0.0, 1.0)).all())
     link = hinges * math.sqrt(2.0) * (2.0 * angle + 3.0 * u)
     link += (not is_exact) * (hinges + 1) * 40.0 * u
     links = 2.0 * link + 48.0 * u
-    length = module.longest_link
+    length = float(np.linalg.norm(module.anchor) + np.linalg.norm(module.offset))
     thickness = 2.0 * module.radius * module_size
     reach = length * count + thickness
     bound = reach * (count * links + 256.0 * u)
-    halves = 2.0 * np.append(joint.anchor, joint.offset)
+    halves = 2.0 * np.append(module.anchor, module.offset)
     if motion.is_windowed and is_exact and (halves == np.rint(halves)).all():
         folded = forward_kinematics(module, chain.folded_rad).positions
         extent = length + float(np.linalg.norm(np.ptp(folded, axis=0)))  # D

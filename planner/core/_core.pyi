@@ -39,6 +39,7 @@ from foldback.planner.core.structures import (
     Levers,
     Link,
     Loads,
+    Lumps,
     ModuleStates,
     Overlap,
     PairContacts,
@@ -995,12 +996,16 @@ def window_histograms(sums: Int32s, size: int, full: int, levels: int) -> tuple[
         levels: Into how many steps fullness is told apart.
     """
 
-def many_floating_torques(q: Array, qd: Array, qdd: Array, model: ChainModel, out: Array) -> None:
+def many_floating_torques(
+    q: Array, qd: Array, qdd: Array, joint: Joint, inertia: Array, lumps: Lumps, out: Array
+) -> None:
     """Write the (F, J) hinge torques of motions of a free chain that has no momentum.
 
     Args:
         q, qd, qdd: (F, J) hinge angles, rates and accelerations.
-        model: Inertial parameters of the chain; it has no fixed base, and no root counts.
+        joint: The chain's joints.
+        inertia: (T, 3) principal moments of modules of mass 1, see ``ChainModel``.
+        lumps: Rigid bodies at both ends.
         out: (F, J) written, in module mass · pitch² / s²; NaN where the motion is not finite.
     """
 
@@ -1008,7 +1013,9 @@ def many_path_torques(
     q: Array,
     first: Array,
     second: Array,
-    model: ChainModel,
+    joint: Joint,
+    inertia: Array,
+    lumps: Lumps,
     a: Array,
     b: Array,
 ) -> None:
@@ -1016,7 +1023,9 @@ def many_path_torques(
 
     Args:
         q, first, second: (F, J) hinge angles and their derivatives by u.
-        model: Inertial parameters of the chain; it has no fixed base, and no root counts.
+        joint: The chain's joints.
+        inertia: (T, 3) principal moments of modules of mass 1, see ``ChainModel``.
+        lumps: Rigid bodies at both ends.
         a, b: (F, J) written; NaN where the path is not finite.
     """
 

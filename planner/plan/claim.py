@@ -14,7 +14,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from foldback.planner.chain.module import Module
+from foldback.planner.arrays import Array
+from foldback.planner.chain.module import Link, Module
+from foldback.planner.chain.polyhedron import Polyhedron
 from foldback.planner.motion.angle_encoding import (
     PLANES_NAME,
     encode_frames,
@@ -23,8 +25,11 @@ from foldback.planner.motion.angle_encoding import (
 )
 from foldback.planner.motion.motion import Motion
 
-CLAIM_FORMAT: Final = "foldback-claim/1"
-"""Format of a plan's claim; a change of its meaning gets a new number."""
+CLAIM_FORMATS: Final = ("foldback-claim/1", "foldback-claim/2")
+"""Formats of a plan's claim: of one convex part whose hinges turn as far either way, and of any
+other module. A change of their meaning gets a new number."""
+MAX_CLAIMED_TURN_RAD: Final = 2.0 * np.pi
+"""Angle up to which checkers let a hinge turn, either way, whatever its range."""
 CLAIMED_VALUES: Final = ("chain", "start", "certificate", "claim", "angles")
 """Values of a plan's file that its claim is about."""
 CLAIMED_ARRAYS: Final = (
@@ -42,37 +47,103 @@ def claim_of(module: Module, motion: Motion) -> dict[str, Any]:
         motion: The plan's motion.
     """
     return {
-        "format": CLAIM_FORMAT,
+        "format": CLAIM_FORMATS[_limit_of_one_part(module) is None],
         "module": geometry_of(module),
         "angles_sha256": angles_digest(motion),
     }
 
 
 def geometry_of(module: Module) -> dict[str, Any]:
-    """Return a module at full size, and how the next one is attached, as plain JSON values.
+    """Return modules at full size, and how each is attached to the next, as plain JSON values.
 
-    From one module to the next: go along ``anchor``, turn by the first of ``turns``; for each hinge
-    turn about the third axis by its angle, then by the next of ``turns``; go along ``offset``.
+    Module i is the piece, and its link to the next one the link, of place i of ``pattern``, which
+    repeats. A claim of the first format has the values of the only part and link instead.
     """
-    frames = [np.eye(3)]
-    for axis in module.axes:
-        first = np.roll(np.eye(3), -1, axis=0)[int(np.abs(axis).argmax())]
-        first = first - (first @ axis) * axis
-        first = first / np.linalg.norm(first)
-        frames.append(np.stack([first, np.cross(axis, first), axis], axis=1))
-    turns = [a.T @ b for a, b in zip(frames, frames[1:], strict=False)]
-    return {
-        "corners": module.vertices.tolist(),
-        "faces": module.face_normals.tolist(),
-        "edges": module.edge_directions.tolist(),
-        "anchor": module.anchor.tolist(),
-        "offset": module.offset.tolist(),
-        "turns": [turn.tolist() for turn in (*turns, frames[-1].T @ module.turn)],
+    of_joints = {
         "hinges": [f"_{name}" if name else "" for name in module.hinge_names],
         "rigid_links": module.rigid_links,
         "apart": module.apart,
-        "limit_rad": module.angle_limit_rad,
     }
+    if (limit_rad := _limit_of_one_part(module)) is not None:
+        part, link = module.piece(0).parts[0], _link_values(module.link(0))
+        return {**_part_values(part), **link, **of_joints, "limit_rad": limit_rad}
+    pieces = [
+        [{**_part_values(part), "faces": _unit(part.face_normals).tolist()} for part in piece.parts]
+        for piece in module.pieces
+    ]
+    kinds: dict[_LinkKind, int] = {}
+    pattern = [
+        [piece, kinds.setdefault(_link_kind(module, k), len(kinds))]
+        for k, piece in enumerate(module.pattern)
+    ]
+    places = {link: place for place, (_, link) in enumerate(pattern)}
+    links = [
+        {**_link_values(module.link(place)), "ranges_rad": _ranges(module.ranges_rad[place])}
+        for _, place in sorted(places.items())
+    ]
+    return {"pieces": pieces, "links": links, "pattern": pattern, **of_joints}
+
+
+_LinkKind = tuple[int, int, float]
+
+
+def _link_kind(module: Module, place: int) -> _LinkKind:
+    """Return what a link depends on: the pieces that it joins, and the angle at rest."""
+    rest = 0.0 if module.rest_rad is None else float(module.rest_rad[place])
+    return module.pattern[place], module.pattern[(place + 1) % len(module.pattern)], rest
+
+
+def _limit_of_one_part(module: Module) -> float | None:
+    """Return the limit of all angles of a module of one part and one link; None of others."""
+    limit = float(module.ranges_rad[0, 0, 1])
+    is_one = len({_link_kind(module, place) for place in range(len(module.pattern))}) == 1
+    is_plain = is_one and len(module.piece(0).parts) == 1 and limit <= MAX_CLAIMED_TURN_RAD
+    return limit if is_plain and bool((module.ranges_rad == (-limit, limit)).all()) else None
+
+
+def _part_values(part: Polyhedron) -> dict[str, Any]:
+    return {
+        "corners": part.corners.tolist(),
+        "faces": part.face_normals.tolist(),
+        "edges": part.edge_directions.tolist(),
+    }
+
+
+def _link_values(link: Link) -> dict[str, Any]:
+    """Return a link: the way from a module to the next one.
+
+    Go along ``anchor``, turn by the first of ``turns``; for each hinge turn about the third axis by
+    its angle, then by the next of ``turns``; go along ``offset``.
+    """
+    frames: list[Array] = [np.eye(3)]
+    for axis in link.axes:
+        first = np.roll(np.eye(3), -1, axis=0)[int(np.abs(axis).argmax())]
+        first = _unit(first - (first @ axis) * axis)
+        frames.append(np.array([first, np.cross(axis, first), axis], dtype=np.float64).T)
+    turns = [a.T @ b for a, b in zip(frames, frames[1:], strict=False)]
+    return {
+        "anchor": link.anchor.tolist(),
+        "offset": link.offset.tolist(),
+        "turns": [_orthonormal(turn).tolist() for turn in (*turns, frames[-1].T @ link.turn)],
+    }
+
+
+def _unit(vectors: Array) -> Array:
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def _orthonormal(rotation: Array) -> Array:
+    """Return a rotation without its rounding errors, by a step of Newton's method."""
+    return 1.5 * rotation - 0.5 * rotation @ rotation.T @ rotation
+
+
+def _ranges(ranges_rad: Array) -> list[list[float] | None]:
+    """Return the ranges of a joint's hinges; None of one that turns freely."""
+    clipped = np.clip(ranges_rad, -MAX_CLAIMED_TURN_RAD, MAX_CLAIMED_TURN_RAD)
+    return [
+        None if np.isinf(given).all() else kept.tolist()
+        for given, kept in zip(ranges_rad, clipped, strict=True)
+    ]
 
 
 def angles_digest(motion: Motion) -> str:

@@ -184,13 +184,9 @@ class Turning:
         angles_rad = QUARTER_RAD * state.astype(float)
         rotations = forward_kinematics(module, angles_rad).rotations[module.rigid_links :]
         axes = np.empty((len(state), 3))
-        joint, hinges = module.joint, module.hinges_per_joint
-        rows = joint.row(module.rigid_links + np.arange(len(rotations) - 1))
-        # The outermost hinge is fixed in the module before it, the innermost one in that behind.
-        axes[::hinges] = (rotations[:-1] @ joint.axes[rows, 0, :, None])[:, :, 0]
-        if hinges == 2:
-            inner = joint.turn[rows].swapaxes(1, 2) @ joint.axes[rows, 1, :, None]
-            axes[1::2] = (rotations[1:] @ inner)[:, :, 0]
+        axes[:: module.hinges_per_joint] = rotations[:-1] @ module.axes[0]
+        if module.hinges_per_joint == 2:
+            axes[1::2] = rotations[1:] @ module.turn.T @ module.axes[1]
         return np.rint(axes @ [1.0, 2.0, 3.0]).astype(np.int64)
 
     def clear_turns(self, start: Levels, hinges: Ints, changes: Ints, *, room: float) -> int:

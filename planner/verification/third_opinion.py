@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from foldback import foldback_check
-from foldback.planner.arrays import Array
+from foldback.planner.arrays import Array, Ints
 from foldback.planner.errors import UNREADABLE, InputError
 from foldback.planner.plan.value_differences import Differences
 
@@ -123,21 +123,40 @@ class Mesh:
     exempt: Indices
 
 
-def mesh_of(corners: Array, count: int, apart: int) -> Mesh:
-    """Return the mesh of hulls of modules; pairs less than ``apart`` in the chain are exempt."""
-    corner_count = len(corners)
-    hull = ConvexHull(corners).simplices
-    sides = np.unique(np.sort(hull[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
-    shifts = corner_count * np.arange(count)[:, None, None]
-    pairs_within = np.stack(np.triu_indices(corner_count, 1), axis=1)
-    to_next = np.stack(np.divmod(np.arange(corner_count * corner_count), corner_count), axis=1)
-    exempt = [shifts + pairs_within]
-    exempt += [shifts[: count - k] + to_next + [0, k * corner_count] for k in range(1, apart)]
-    return Mesh(
-        (shifts + hull).reshape(-1, 3).astype("i4"),
-        (shifts + sides).reshape(-1, 2).astype("i4"),
-        np.concatenate([pairs.reshape(-1, 2) for pairs in exempt]).astype("i4"),
-    )
+def parts_of(plan: foldback_check.Plan) -> list[list[Array]]:
+    """Return the corners of the parts of each module of a plan."""
+    module = plan.module
+    kinds = np.resize(module.piece, plan.count).tolist()
+    corners = [[part.corners for part in piece] for piece in module.pieces]
+    return [corners[kind] for kind in kinds]
+
+
+def starts_of(modules: list[list[Array]]) -> Ints:
+    """Return the first vertex of each module, and the number of all."""
+    return np.cumsum([0, *(sum(map(len, parts)) for parts in modules)])
+
+
+def mesh_of(modules: list[list[Array]], apart: int) -> Mesh:
+    """Return the mesh of modules, given the corners of their parts.
+
+    Pairs of modules less than ``apart`` in the chain are exempt.
+    """
+    starts = starts_of(modules)
+    hulls = {id(part): ConvexHull(part).simplices for parts in modules for part in parts}
+    faces, edges, exempt = [], [], []
+    for module, parts in enumerate(modules):
+        start = starts[module]
+        for part in parts:
+            hull = hulls[id(part)]
+            sides = np.sort(hull[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+            faces.append(start + hull)
+            edges.append(start + np.unique(sides, axis=0))
+            start += len(part)
+        vertices = np.arange(starts[module], starts[module + 1])
+        exempt.append(vertices[np.stack(np.triu_indices(len(vertices), 1), axis=1)])
+        others = np.arange(starts[module + 1], starts[min(module + apart, len(modules))])
+        exempt.append(np.stack(np.meshgrid(vertices, others), axis=-1).reshape(-1, 2))
+    return Mesh(*(np.concatenate(rows).astype("i4") for rows in (faces, edges, exempt)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,6 +173,11 @@ class Vertices:
     def __init__(self, plan: foldback_check.Plan) -> None:
         self.plan = plan
         self.middle = plan.count // 2
+        self.starts = starts_of(parts_of(plan))
+        self.kinds = np.resize(plan.module.piece, plan.count)
+        self.solids = [
+            np.concatenate([part.solid for part in piece]) for piece in plan.module.pieces
+        ]
 
     def at(self, first: Array, last: Array, steps: int) -> Array:
         """Return vertices (steps + 1, V, 3) at equal steps from one configuration to another."""
@@ -163,7 +187,12 @@ class Vertices:
         start = np.broadcast_to(np.eye(4, 3, -1)[:, :, None], (4, 3, steps + 1))
         poses = module.poses(q, start)
         poses = foldback_check.relative(poses[self.middle], poses)  # a centre, and axes as rows
-        return (module.solid @ poses).transpose(1, 0, 2, 3).reshape(steps + 1, -1, 3)
+        vertices = np.empty((steps + 1, self.starts[-1], 3))
+        for kind, solid in enumerate(self.solids):
+            modules = np.flatnonzero(self.kinds == kind)
+            columns = self.starts[modules, None] + np.arange(len(solid))
+            vertices[:, columns] = (solid @ poses[modules]).transpose(1, 0, 2, 3)
+        return vertices
 
     def divide(self, frame: int, tolerance: float) -> Division:
         """Divide the interval after a frame so that straight motion is within a tolerance."""
@@ -217,10 +246,11 @@ class _Detector:
     """Triangle mesh of a chain in ipctk."""
 
     def __init__(self, plan: foldback_check.Plan, distance: float) -> None:
-        self.ipctk, self.distance, self.corners = toolkit(), distance, len(plan.module.corners)
+        modules = parts_of(plan)
+        self.ipctk, self.distance, self.starts = toolkit(), distance, starts_of(modules)
         self.narrow = self.ipctk.AdditiveCCD()
-        mesh = mesh_of(plan.module.corners, plan.count, plan.module.apart)
-        rest_positions = np.zeros((plan.count * self.corners, 3), order="F")
+        mesh = mesh_of(modules, plan.module.apart)
+        rest_positions = np.zeros((self.starts[-1], 3), order="F")
         self.mesh = self.ipctk.CollisionMesh(rest_positions, mesh.edges, mesh.faces)
         table = dict.fromkeys(map(tuple, mesh.exempt.tolist()), False)
         self.mesh.can_collide = self.ipctk.make_sparse_filter(table, True)
@@ -256,8 +286,10 @@ class _Detector:
                 *ends, min_distance=self.distance, narrow_phase_ccd=self.narrow
             )
             if hit:
-                module_a, module_b = sorted({k // self.corners for k in ids})
-                hits.append((moment, (module_a, module_b)))
+                first_module, second = sorted(
+                    {int(np.searchsorted(self.starts, k, "right")) - 1 for k in ids}
+                )
+                hits.append((moment, (first_module, second)))
         return min(hits, default=(0.0, None))
 
 

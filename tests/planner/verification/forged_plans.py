@@ -33,6 +33,7 @@ def save(
     *,
     kind: str = "cube",
     claim: float = 0.01,
+    size: float = SIZE,
     geometry: Meta | None = None,
 ) -> FilePath:
     """Write a plan as docs/certificate.md specifies it, without the planner.
@@ -42,18 +43,20 @@ def save(
         angles: (F, J) hinge angles, rad.
         kind: Name of the module.
         claim: Claimed clearance, pitches.
+        size: Size of the modules.
         geometry: Geometry of the module; by default that of the name.
     """
     geometry = geometry or foldback_check.MODULES[kind]
+    form = foldback_check.FORMATS["pieces" in geometry]
     hinges, rigid = geometry["hinges"], geometry["rigid_links"]
     count = angles.shape[1] // len(hinges) + 1 + rigid
     meta = {
         "chain": {"module": kind, "modules": count, "folded_rad": angles[-1].tolist()},
-        "claim": {"format": foldback_check.FORMAT, "module": geometry},
+        "claim": {"format": form, "module": geometry},
         "certificate": {
             "verified": True,
             "verdict": "verified (kinematics only)",
-            "module_size": SIZE,
+            "module_size": size,
             "max_joint_step_rad": 9.0,
             "clearance_bound": claim,
             "exempt_pairs": {

@@ -400,7 +400,7 @@ STRANGE: Final[dict[str, tuple[Way, str]]] = {
     "no claim": (value("claim", None), NO_PLAN),
     "no module in the claim": (value("claim.module", None), NO_PLAN),
     "no description": (value("claim.module", None, lambda: (dense()[0], named("brick"))), NO_PLAN),
-    "many corners": (module("brick", corners=scaled(1.0) * 9), NO_PLAN),
+    "many corners": (module("brick", corners=scaled(1.0) * 13), NO_PLAN),
     "many edges": (module("brick", edges=[[1.0, 0.0, 0.0]] * 20_000), NO_PLAN),
     "no corners": (module("brick", corners=[]), NO_PLAN),
     "many hinges": (module("brick", hinges=["_z"] * 9), NO_PLAN),

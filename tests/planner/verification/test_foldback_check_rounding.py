@@ -56,7 +56,7 @@ def exact_poses(module: foldback_check.Module, angles: Any) -> tuple[Any, Any]:
     """
     description = module.description
     turns, anchor, offset = (
-        np.array(description[part], np.longdouble) for part in ("turns", "anchor", "offset")
+        np.array(description[part][0], np.longdouble) for part in ("turns", "anchor", "offset")
     )
     centres: list[Any] = [np.zeros(3, np.longdouble)]
     rotations: list[Any] = [np.eye(3, dtype=np.longdouble)]
@@ -75,7 +75,8 @@ def exact_poses(module: foldback_check.Module, angles: Any) -> tuple[Any, Any]:
 def test_rounding_bound_covers_what_double_precision_loses() -> None:
     random = np.random.default_rng(3)
     for description in (foldback_check.CUBE, foldback_check.TETRAHEDRON):
-        module = foldback_check.Module(description, 0.95)
+        geometry = foldback_check.geometry(description, foldback_check.FORMATS[0])
+        module = foldback_check.Module(geometry, 0.95)
         count = 100
         q = random.uniform(-1.5, 1.5, (count - 1) * len(module.names))
         poses = module.chain(q)
@@ -91,6 +92,7 @@ def test_distances_in_windows_are_off_by_less_than_the_bound(plan: FilePath) -> 
     checked = foldback_check.Plan(plan)
     proof, module, n = Unproved(checked), checked.module, checked.count
     assert proof.rounding < 0.5 * proof.chain_rounding
+    part = module.pieces[0][0]
     random, none = np.random.default_rng(2), np.zeros(4000, int)
     for frame in (checked.frames // 4, checked.frames // 2):
         batch = foldback_check.Batch(proof, [(frame, 0.0, 1.0, None)])
@@ -98,12 +100,12 @@ def test_distances_in_windows_are_off_by_less_than_the_bound(plan: FilePath) -> 
         share = np.longdouble(foldback_check.NODES[1])
         angles = np.longdouble(before) + share * (np.longdouble(after) - np.longdouble(before))
         centres, rotations = exact_poses(module, angles)
-        corners = centres[:, None] + np.longdouble(module.corners) @ rotations.swapaxes(1, 2)
+        corners = centres[:, None] + np.longdouble(part.corners) @ rotations.swapaxes(1, 2)
         i, j = np.sort(random.integers(0, n, (2, len(none))), axis=0)
         assert (i < checked.low[frame]).any() and (j > checked.high[frame]).any()
         pose = foldback_check.relative(batch.poses(i, none), batch.poses(j, none))[:, 1]
-        a, b = random.integers(0, len(module.corners), (2, len(none)))
-        gap = np.einsum("qx,qxy->qy", module.solid[b], pose) - module.corners[a]
+        a, b = random.integers(0, len(part.corners), (2, len(none)))
+        gap = np.einsum("qx,qxy->qy", part.solid[b], pose) - part.corners[a]
         exact = np.sqrt(((corners[j, b] - corners[i, a]) ** 2).sum(1))
         off = np.abs(np.linalg.norm(gap, axis=1) - exact).max()
         assert 0.0 < off < proof.rounding / np.abs(foldback_check.BERNSTEIN).sum(1).max()

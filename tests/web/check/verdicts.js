@@ -23,8 +23,8 @@ class Watched extends Proof {
     return bound;
   }
 
-  during() {
-    const found = super.during();
+  during(one, other) {
+    const found = super.during(one, other);
     this.seen = Math.max(this.seen, found);
     return found;
   }

@@ -1,8 +1,9 @@
 // Reading of a plan file, with checks of its consistency.
-import { KNOWN, Module } from "./module.js";
+import { dot, FREE, isKnown, KNOWN, Module, TWISTS } from "./module.js";
 import { Archive, quoted, readable, TYPES, Unreadable } from "./npz.js";
 
 /** @typedef {import("./module.js").Geometry} Geometry */
+/** @typedef {import("./module.js").Vector} Vector */
 /**
  * @typedef {{ modules: [number, number], frame: number, gap: number, fits: number }} Place gap, in
  *   widths of a module's cell, and largest size of modules that still fit
@@ -12,13 +13,14 @@ import { Archive, quoted, readable, TYPES, Unreadable } from "./npz.js";
  *   end: string }} Said what was proved, and of what; the words are those of foldback_check.py
  */
 
-const FORMAT = "foldback-claim/1";
+const FORMATS = ["foldback-claim/1", "foldback-claim/2"]; // first: one part and equal ranges
 const RULES = ["", "none", "consecutive modules (i, i+1)"]; // of exempt pairs, by `apart`
 const SLIP = 1e-6; // rad by which a hinge may miss what is said of it; by more, it is bent
 const STEP = (Math.PI / 2) * 2 ** -23; // rad, unit of angles in planes
 const MAX_MODULES = 2 ** 18,
   MAX_FRAMES = 2 ** 20,
-  MAX_PARTS = 64,
+  MAX_PIECES = 16, // also of parts of a piece
+  MAX_CORNERS = 96, // also of faces and edges of a part
   MAX_HINGES = 4,
   MAX_LETTERS = 16,
   MAX_DEPTH = 64;
@@ -109,12 +111,21 @@ function parsed(text) {
   return fields(root);
 }
 
+/** @type {(value: unknown, most: number) => any[]} a list of 1 to `most` values */
+function listed(value, most) {
+  readable(
+    Array.isArray(value) && value.length > 0 && value.length <= most,
+    `got ${quoted(value)}, expected a list of ${most} parts at most`,
+  );
+  return /** @type {any[]} */ (value);
+}
+
 /**
- * @type {(description: Record<string, any>) => Geometry} a module's description; lists and texts
- *   have a bounded length
+ * @type {(description: Record<string, any>, plain: boolean) => Geometry} a description of modules,
+ *   a plain one of one part and equal ranges; lists and texts have a bounded length
  */
-function geometry(description) {
-  const { hinges } = description;
+function geometry(description, plain) {
+  const { hinges, limit_rad: limit } = description;
   readable(
     Array.isArray(hinges) &&
       hinges.length > 0 &&
@@ -122,17 +133,56 @@ function geometry(description) {
       hinges.every((name) => typeof name === "string" && name.length <= MAX_LETTERS),
     "names of hinges that cannot be",
   );
+  const { pieces, links, pattern } = plain
+    ? {
+        pieces: [[description]],
+        links: [
+          {
+            ...description,
+            ranges_rad: hinges.map(() => [-(/** @type {number} */ (numbers(limit))), limit]),
+          },
+        ],
+        pattern: [[0, 0]],
+      }
+    : description;
+  const bodies = listed(pieces, MAX_PIECES).map((parts) =>
+      listed(parts, MAX_PIECES).map((part) => ({
+        corners: numbers(fields(part).corners, -MAX_CORNERS, 3),
+        faces: numbers(part.faces, -MAX_CORNERS, 3),
+        edges: numbers(part.edges, -MAX_CORNERS, 3),
+      })),
+    ),
+    count = listed(links, MAX_MODULES).length;
+  for (const { corners, faces } of plain ? [] : bodies.flat())
+    for (const face of faces) {
+      const high = corners.map((/** @type {Vector} */ v) => dot(v, face)),
+        ends = [Math.max(...high), Math.min(...high)];
+      require(ends.some(
+        (end) => high.filter((/** @type {number} */ x) => Math.abs(x - end) < 1e-9).length > 2,
+      ), "a part with corners outside its faces");
+    }
   return {
-    corners: numbers(description.corners, -MAX_PARTS, 3),
-    faces: numbers(description.faces, -MAX_PARTS, 3),
-    edges: numbers(description.edges, -MAX_PARTS, 3),
-    anchor: numbers(description.anchor, 3),
-    offset: numbers(description.offset, 3),
-    turns: numbers(description.turns, hinges.length + 1, 3, 3),
+    pieces: bodies,
+    links: links.map((/** @type {unknown} */ link) => {
+      const { anchor, offset, turns, ranges_rad: ranges } = fields(link);
+      return {
+        anchor: numbers(anchor, 3),
+        offset: numbers(offset, 3),
+        turns: numbers(turns, hinges.length + 1, 3, 3),
+        ranges_rad: numbers(
+          listed(ranges, MAX_HINGES).map((range) => range ?? [-FREE, FREE]),
+          hinges.length,
+          2,
+        ),
+      };
+    }),
+    pattern: numbers(pattern, -MAX_MODULES, 2).map((/** @type {number[]} */ [piece, link]) => [
+      wholeNumber(piece, 0, bodies.length - 1),
+      wholeNumber(link, 0, count - 1),
+    ]),
     hinges,
     rigid_links: wholeNumber(description.rigid_links, 0, 1),
     apart: wholeNumber(description.apart, 1, 2),
-    limit_rad: numbers(description.limit_rad),
   };
 }
 
@@ -141,7 +191,6 @@ function geometry(description) {
  */
 const widest = (values) =>
   values.reduce((largest, x) => Math.max(largest, Number.isNaN(x) ? Infinity : Math.abs(x)), 0);
-const degrees = (/** @type {number} */ angle) => `${Number((angle * (180 / Math.PI)).toFixed(4))}°`;
 /** @type {(a: ArrayLike<number>, b: ArrayLike<number>) => boolean} */
 const near = (a, b) =>
   a.length === b.length && Array.prototype.every.call(a, (x, k) => Math.abs(x - b[k]) <= SLIP);
@@ -209,22 +258,25 @@ export class Plan {
       true, `the plan says that it is not verified: ${quoted(certificate.verdict)}`);
     const chain = fields(description.chain),
       claim = (this.stated = fields(description.claim));
-    require(claim.format ===
-      FORMAT, `its claim has the format ${quoted(claim.format)}, expected ${FORMAT}; another ` +
-      `version of this checker may know it`);
+    require(FORMATS.includes(claim.format), `its claim has the format ${quoted(claim.format)}, ` +
+      `expected ${FORMATS.join(" or ")}; another version of this checker may know it`);
+    const plain = claim.format === FORMATS[0];
     this.coded = description.angles;
-    this.kind = chain.module;
+    this.rest = plain ? "straight" : "at rest (all hinges at 0)";
+    this.kind = chain.module?.name ?? chain.module;
     this.n = wholeNumber(chain.modules, 2, MAX_MODULES);
     readable(typeof this.kind === "string", `got ${quoted(this.kind)}, expected a kind of module`);
-    this.standard = Object.hasOwn(KNOWN, this.kind) ? geometry(KNOWN[this.kind]) : null;
-    const described = geometry(fields(claim.module));
+    this.standard = [KNOWN, TWISTS].some((known) => Object.hasOwn(known, this.kind));
+    const described = geometry(fields(claim.module), plain);
     this.size = numbers(certificate.module_size);
     this.claim = numbers(certificate.clearance_bound ?? 0);
     this.step = (numbers(certificate.max_joint_step_rad ?? 0) || Infinity) + 1e-9;
     this.module = new Module(described, this.size);
     require(this.module.sound, "a module that cannot be");
     require(!this.standard ||
-      JSON.stringify(described) === JSON.stringify(this.standard), `${this.kind}s of another kind`);
+      isKnown(this.kind, described, (values) =>
+        geometry(values, true),
+      ), `modules with the name ${this.kind}, but of another kind`);
     this.pad = described.rigid_links * this.module.hinges;
     const hinges = (this.n - 1) * this.module.hinges - this.pad;
     this.folded = Float64Array.from(numbers(chain.folded_rad, hinges));
@@ -339,17 +391,15 @@ export class Plan {
       frames,
       pad,
       folded,
-      maxAngle,
       times,
       module: {
-        geometry: { apart, limit_rad: limit },
+        geometry: { apart },
       },
     } = this;
     const exempt = certificate.exempt_pairs == null ? null : fields(certificate.exempt_pairs),
       digest = this.stated.angles_sha256;
     return {
-      [`a hinge turns by ${degrees(maxAngle)}, expected at most ${degrees(limit)}`]:
-        maxAngle <= limit + SLIP,
+      "a hinge turns beyond its range": this.within(),
       "the module size or the clearance is out of range": size > 0 && size <= 1 && claim > 0,
       "the certificate does not cover the same pairs of modules as this check":
         !exempt ||
@@ -367,6 +417,23 @@ export class Plan {
     };
   }
 
+  /** Return true if all angles are in the ranges of their hinges. */
+  within() {
+    const { module, folded, values, first, last, offsets, pad } = this,
+      ranges = Array.from(folded, (_, h) => {
+        const slot = pad + h;
+        return module.link(Math.floor(slot / module.hinges)).ranges_rad[slot % module.hinges];
+      }),
+      holds = (/** @type {number} */ x, /** @type {number} */ h) =>
+        x >= ranges[h][0] - SLIP && x <= ranges[h][1] + SLIP;
+    return (
+      folded.every(holds) &&
+      first.every((a, k) =>
+        values.subarray(offsets[k], offsets[k] + last[k] - a).every((x, h) => holds(x, a + h)),
+      )
+    );
+  }
+
   /**
    * Say what a proof of the motion is about.
    * @param {number} step largest turn of a hinge between two frames
@@ -381,6 +448,7 @@ export class Plan {
         frames,
         standard,
         kind,
+        rest,
         module: { radius },
       } = this,
       within = bends(values),
@@ -403,16 +471,16 @@ export class Plan {
     return {
       verdict: limits ? `proved, but ${limits}` : "proved",
       limits,
-      standard: Boolean(standard),
+      standard,
       module: standard
         ? kind
         : `${quoted(kind)} as the plan describes it, not one of foldback's: its corners are up ` +
           `to ${(100 * radius).toFixed(1)} % of the spacing from its centre`,
       start: bent[0]
         ? `in another shape: ${shape(0)}; the chain is ` +
-          `${straight < 0 ? "never straight" : `straight after ${straight} of ${frames - 1} steps`}`
-        : "straight",
-      end: bent[frames - 1] ? `folded: ${shape(frames - 1)}` : "straight",
+          `${straight < 0 ? `never ${rest}` : `${rest} after ${straight} of ${frames - 1} steps`}`
+        : rest,
+      end: bent[frames - 1] ? `folded: ${shape(frames - 1)}` : rest,
     };
   }
 

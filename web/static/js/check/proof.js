@@ -6,6 +6,7 @@ import { NotProved } from "./plan.js";
 
 /** @typedef {import("./plan.js").Plan} Plan */
 /** @typedef {import("./plan.js").Place} Place */
+/** @typedef {import("./module.js").Part} Part */
 /** @typedef {import("./module.js").Vector} Vector */
 
 const U = 2 ** -53;
@@ -52,14 +53,29 @@ const coefficient = (row, values, o) =>
   row[4] * values[o + 48];
 
 /**
+ * Write the first numbers of a pose seen from another one.
+ * @type {(P: Float64Array, from: number, to: number, M: Float64Array, a: number, count?: number) =>
+ *   void}
+ */
+function seen(P, from, to, M, a, count = 12) {
+  for (let k = 0; k < count; k += 3) {
+    const x = P[to + k] - (k ? 0 : P[from]),
+      y = P[to + k + 1] - (k ? 0 : P[from + 1]),
+      z = P[to + k + 2] - (k ? 0 : P[from + 2]);
+    for (let r = 0; r < 3; r++)
+      M[a + k + r] = P[from + 3 + 3 * r] * x + P[from + 4 + 3 * r] * y + P[from + 5 + 3 * r] * z;
+  }
+}
+
+/**
  * Return the bound of rounding errors: ROUNDING in foldback_check.py.
  * @param {Plan} plan
  * @param {Module} m
  */
-function roundingBound({ n, pad, folded, first, last, maxAngle, frames }, m) {
+function roundingBound({ n, pad, folded, first, last, maxAngle, frames, windowed }, m) {
   const angle = (4 * 2 + 2) * U * maxAngle + 8 * U,
     e = m.hinges * Math.SQRT2 * (2 * angle + 3 * U) + (m.exact ? 0 : (m.hinges + 1) * 40 * U),
-    link = 2 * e + 48 * U,
+    link = (2 + Number(windowed && !m.isStraightExact)) * (e + 24 * U),
     size = m.length * n + 2 * m.radius,
     rows = BERNSTEIN.map((row) => row.reduce((sum, x) => sum + Math.abs(x), 0)),
     scale = Math.max(...rows) * (1 + 1e-6),
@@ -71,7 +87,7 @@ function roundingBound({ n, pad, folded, first, last, maxAngle, frames }, m) {
     high = [0, 0, 0];
   angles.set(folded, pad);
   for (let j = 0; j < n - 1; j++) {
-    m.next(pose, 0, 12, angles, j * m.hinges);
+    m.next(pose, 0, 12, angles, j);
     pose.copyWithin(0, 12);
     for (let x = 0; x < 3; x++) {
       low[x] = Math.min(low[x], pose[x]);
@@ -95,6 +111,9 @@ function roundingBound({ n, pad, folded, first, last, maxAngle, frames }, m) {
 export class Proof {
   M = new Float64Array(POSES); // poses of one module relative to another
   line = new Float64Array(POSES); // the same along an axis
+  tail = new Float64Array(12); // pose of a module of the straight tail, seen from its first one
+  /** @type {Part[][]} parts of these two modules */
+  bodies = [];
   /**
    * @type {{ gap: number, axis: Vector, fits: number }} best separating axis, and largest module
    *   size that any axis separates
@@ -109,7 +128,7 @@ export class Proof {
    */
   constructor(plan, size = plan.size) {
     const m = new Module(plan.module.geometry, size),
-      still = new Float64Array(m.hinges);
+      still = new Float64Array(plan.n * m.hinges);
     this.E = roundingBound(plan, m);
     this.plan = plan;
     this.module = m;
@@ -124,7 +143,7 @@ export class Proof {
     );
     this.S = new Float64Array(plan.n);
     this.straight = this.P.slice(0, 12 * plan.n).fill(0, 12); // poses of the straight chain
-    for (let k = 1; k < plan.n; k++) m.next(this.straight, 12 * k - 12, 12 * k, still, 0);
+    for (let k = 1; k < plan.n; k++) m.next(this.straight, 12 * k - 12, 12 * k, still, k - 1);
     // For each module, the first one after a turning joint.
     this.behind = new Int32Array(plan.n).fill(plan.n);
     this.boxes = new Float64Array(6 * plan.n); // bounds of the centres: minimum and maximum corner
@@ -218,7 +237,7 @@ export class Proof {
       for (let s = c * hinges; s < end * hinges; s++)
         angles[s] = q[s] + (t + w * NODES[a / 12]) * step[s];
       for (let j = Math.min(c, this.folded); j < end; j++) {
-        module.next(P, j * POSES + a, (j + 1) * POSES + a, angles, j * hinges);
+        module.next(P, j * POSES + a, (j + 1) * POSES + a, angles, j);
         if (j < c) orthonormalise(P, (j + 1) * POSES + a);
       }
     }
@@ -233,15 +252,13 @@ export class Proof {
 
   /** Compute the poses of a module of the straight tail. @param {number} m */
   place(m) {
-    const { P, straight, end } = this;
+    const { P, straight, tail, end } = this;
+    seen(straight, 12 * end, 12 * m, tail, 0);
     for (let a = end * POSES, p = m * POSES; p < (m + 1) * POSES; a += 12)
-      for (let k = 0, s = 12 * (m - end); k < 12; k += 3, s += 3) {
+      for (let k = 0; k < 12; k += 3) {
         for (let o = a; o < a + 3; o++, p++)
           P[p] =
-            (k ? 0 : P[o]) +
-            straight[s] * P[o + 3] +
-            straight[s + 1] * P[o + 6] +
-            straight[s + 2] * P[o + 9];
+            (k ? 0 : P[o]) + tail[k] * P[o + 3] + tail[k + 1] * P[o + 6] + tail[k + 2] * P[o + 9];
       }
   }
 
@@ -267,14 +284,7 @@ export class Proof {
   see(i, j, count = 12) {
     const { P, M } = this;
     for (const m of [i, j]) if (m > this.end) this.place(m);
-    for (let a = 0, o = i * POSES, p = j * POSES; a < POSES; a += 12, o += 12, p += 12)
-      for (let k = 0; k < count; k += 3) {
-        const x = P[p + k] - (k ? 0 : P[o]),
-          y = P[p + k + 1] - (k ? 0 : P[o + 1]),
-          z = P[p + k + 2] - (k ? 0 : P[o + 2]);
-        for (let r = 0; r < 3; r++)
-          M[a + k + r] = P[o + 3 + 3 * r] * x + P[o + 4 + 3 * r] * y + P[o + 5 + 3 * r] * z;
-      }
+    for (let a = 0; a < POSES; a += 12) seen(P, i * POSES + a, j * POSES + a, M, a, count);
   }
 
   /** Compute the box that bounds a module's centre, relative to a root module. @param {number} m */
@@ -351,6 +361,7 @@ export class Proof {
    */
   clear(i, j) {
     this.see(i, j);
+    this.bodies = [this.module.piece(i), this.module.piece(j)];
     const {
         frame,
         plan: { claim },
@@ -367,68 +378,88 @@ export class Proof {
     return bound >= claim;
   }
 
+  /** Return the bound for the nearest parts of two modules. @param {number} lost */
+  solids(lost) {
+    let bound = Infinity,
+      gap = Infinity,
+      fits = Infinity;
+    for (const one of this.bodies[0])
+      for (const other of this.bodies[1]) {
+        bound = Math.min(bound, this.apart(one, other, lost));
+        gap = Math.min(gap, this.best.gap);
+        fits = Math.min(fits, this.best.fits);
+      }
+    this.best = { ...this.best, gap, fits };
+    return bound;
+  }
+
   /**
    * Return the bound along the best axis at the midpoint,
    * among centres and faces and, if necessary, edges.
-   * @param {number} lost
+   * @type {(one: Part, other: Part, lost: number) => number}
    */
-  solids(lost) {
+  apart(one, other, lost) {
     this.best = { gap: -Infinity, axis: [0, 0, 0], fits: -Infinity };
-    this.separate(false);
-    const bound = this.during() - lost;
+    this.separate(one, other, false);
+    const bound = this.during(one, other) - lost;
     if (bound >= this.plan.claim) return bound;
-    this.separate(true);
-    return Math.max(bound, this.during() - lost);
+    this.separate(one, other, true);
+    return Math.max(bound, this.during(one, other) - lost);
   }
 
   /**
    * Find the best separating axis at the midpoint: the line
    * of centres, a face normal, or the normal of two edges.
-   * @param {boolean} edges
+   * @type {(one: Part, other: Part, edges: boolean) => void}
    */
-  separate(edges) {
+  separate(one, other, edges) {
     const {
         M,
-        module: m,
         size,
         plan: { claim },
       } = this,
-      axes = edges ? m.geometry.edges : m.geometry.faces;
+      axes = edges ? one.edges : one.faces;
     /** @type {Vector[]} */
     const [y, a, b, c] = [0, 3, 6, 9].map((k) => [
       M[12 * MIDDLE + k],
       M[12 * MIDDLE + k + 1],
       M[12 * MIDDLE + k + 2],
     ]);
-    const turnedAxes = axes.map(
-      ([u, v, w]) =>
+    const turned = (/** @type {Vector} */ [u, v, w]) =>
         /** @type {Vector} */ ([
           u * a[0] + v * b[0] + w * c[0],
           u * a[1] + v * b[1] + w * c[1],
           u * a[2] + v * b[2] + w * c[2],
         ]),
-    );
+      turnedAxes = (edges ? other.edges : other.faces).map(turned),
+      middle = turned(other.centre).map((x, k) => x + y[k] - one.centre[k]),
+      centres = /** @type {Vector} */ (middle);
     for (const axis of edges
       ? axes.flatMap((e) => turnedAxes.map((f) => cross(e, f)))
-      : [y, ...axes, ...turnedAxes]) {
+      : [centres, ...axes, ...turnedAxes]) {
       const far = dot(axis, y),
-        l = norm(axis) * (far < 0 ? -1 : 1);
+        l = norm(axis) * (dot(axis, centres) < 0 ? -1 : 1);
       if (Math.abs(l) <= PARALLEL) continue;
       /** @type {Vector} */
       const n = [axis[0] / l, axis[1] / l, axis[2] / l],
-        thick = -m.least(-n[0], -n[1], -n[2]) - m.least(dot(a, n), dot(b, n), dot(c, n));
-      this.best.fits = Math.max(this.best.fits, (size * (far / l - claim)) / thick);
+        thick = -one.least(-n[0], -n[1], -n[2]) - other.least(dot(a, n), dot(b, n), dot(c, n)),
+        free = far / l - claim;
+      // Parts beside the centres may lie behind one another: then they come nearer if they shrink.
+      const fits = thick > 0 ? (size * free) / thick : free < 0 ? -Infinity : Infinity;
+      this.best.fits = Math.max(this.best.fits, fits);
       if (far / l - thick > this.best.gap)
         this.best = { gap: far / l - thick, axis: n, fits: this.best.fits };
     }
   }
 
-  /** Return the bound along the best axis over the whole interval, without the error terms. */
-  during() {
+  /**
+   * Return the bound along the best axis over the whole interval, without the error terms.
+   * @type {(one: Part, other: Part) => number}
+   */
+  during(one, other) {
     const {
       M,
       line,
-      module: m,
       best: {
         axis: [x, y, z],
       },
@@ -440,8 +471,8 @@ export class Proof {
         u = coefficient(row, line, 3),
         v = coefficient(row, line, 6),
         w = coefficient(row, line, 9);
-      lowest = Math.min(lowest, far + m.least(u, v, w));
+      lowest = Math.min(lowest, far + other.least(u, v, w));
     }
-    return lowest + m.least(-x, -y, -z);
+    return lowest + one.least(-x, -y, -z);
   }
 }
