@@ -38,10 +38,11 @@ interface Chain {
   root: number;
   rigid_links: number;
   hinges: number;
-  anchor: Vector;
-  axes: Vector[];
-  turn: Quaternion;
-  offset: Vector;
+  kinds: number[]; // rows of the following tables: module i has row kinds[i % kinds.length]
+  anchor: Vector[];
+  axes: Vector[][];
+  turn: Quaternion[];
+  offset: Vector[];
   radius: number;
   hinge_names: string[];
   cells: boolean;
@@ -49,17 +50,22 @@ interface Chain {
   folded_wxyz: Quaternion; // of module 0 in the shape as it was drawn
   folded_root_wxyz: Quaternion;
 }
-// A convex module, and how many of it there are.
-interface Hull {
+// The pieces of the modules of a chain: web/pictures/meshes.py.
+interface Pieces {
   modules: number;
-  face_normals: Vector[];
-  vertices: Vector[];
+  pieces: [from: number, to: number][]; // parts of each piece
+  pattern: number[]; // pieces of the modules of a period
 }
-interface Outline {
-  modules: number;
+interface Hull extends Pieces {
+  parts: { face_normals: Vector[]; vertices: Vector[] }[];
+}
+interface OutlinePart {
   corners: Vector[];
   faces: number[][];
   normals: Vector[];
+}
+interface Outline extends Pieces {
+  parts: OutlinePart[];
   field_of_view_rad: number;
 }
 interface SceneMessage {
@@ -89,7 +95,9 @@ interface BundleHeader {
   table: TableTold | null; // of a fold on one
   pitch: number;
   shown_size: number;
-  reach: number;
+  nodes: string[]; // of the modules, one for each kind of piece in the chain
+  ends: { at: Vector; wxyz: Quaternion }[]; // studs in the frames of the first and last module
+  own_colours: Colour[]; // of the modules, in turn; none for most
   colours: Record<
     "neutral" | "unknown" | "error" | "selected" | "stuck" | "first" | "last",
     Colour
@@ -119,7 +127,12 @@ interface PreviewBundle extends Message<
     camera: Omit<CameraConstants, "stretch" | "turn_rad_s"> & { margin: [number, number] };
     colours: { selected: Colour; ghost: Colour; ghost_opacity: number };
   },
-  Record<string, Column> & { cells: Int32Array<ArrayBuffer>; colours: Uint8Array<ArrayBuffer> }
+  Record<string, Column> & {
+    cells: Int32Array<ArrayBuffer>;
+    positions: Float32Array<ArrayBuffer>;
+    wxyzs: Float32Array<ArrayBuffer>;
+    colours: Uint8Array<ArrayBuffer>;
+  }
 > {}
 
 // Frames: web/timeline/frame_batch.py, web/timeline/window_columns.py and js/player/frames.js.

@@ -18,10 +18,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from foldback.planner.chain.built_in_modules import TETRAHEDRON
+from foldback.planner.chain.built_in_modules import TETRAHEDRON, module_named
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.chain_attributes import chain_from_attributes
 from foldback.planner.chain.kinematics import Poses, forward_kinematics
+from foldback.planner.chain.module import Piece
 from foldback.planner.chain.path import Path as CellPath
 from foldback.planner.chain.rotations import matrix_from_wxyz
 from foldback.planner.errors import InputError
@@ -39,6 +40,7 @@ from foldback.web.timeline.window_columns import (
 from foldback.web.viser.scene_bundle import bundle_of
 from foldback.words.quantities import number, si
 from tests.planner import peels
+from tests.planner.brackets import BRACKETS
 from tests.planner.chains import chain_of
 from tests.web import long_folds
 from tests.web.conftest import SNAKE
@@ -51,6 +53,12 @@ CHAINS = {
     "cubes": chain_of(SNAKE, name="snake"),
     "tetrahedra": Chain.from_angles(
         TETRAHEDRON, np.deg2rad([90.0, -90, 0, 90, 90, 0, -90]), name="chain"
+    ),
+    "prisms": Chain.from_angles(
+        module_named("snake-prism"), np.deg2rad([90.0, 0, 0, -90, 90, 0, 0, 0]), name="prisms"
+    ),
+    "brackets": Chain.from_angles(
+        BRACKETS, np.deg2rad([40.0, 0, -40, 0, 50, 0, -40]), name="brackets"
     ),
 }
 LONG_CHAINS = {
@@ -95,23 +103,33 @@ def kinematics() -> list[Vectors]:
     return vectors
 
 
+def is_inside(piece: Piece, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return (n,) flags of the (n, 3) points that lie in a part of a piece."""
+    inside = np.zeros(len(points), dtype=bool)
+    for part in piece.parts:
+        heights, reach = part.corners @ part.face_normals.T, points @ part.face_normals.T
+        within = (reach >= heights.min(axis=0)) & (reach <= heights.max(axis=0))
+        inside |= within.all(axis=1)
+    return inside
+
+
 def picking() -> list[Vectors]:
     vectors: list[Vectors] = []
     for name, chain in CHAINS.items():
         poses = chain.folded_poses
         rng = np.random.default_rng(4)
         origin = poses.positions.mean(axis=0) + [9.0, -7.0, 8.0]
-        targets = poses.positions[rng.integers(0, len(chain), 12)]
-        ways = targets + rng.normal(0, 0.8, (12, 3)) - origin
+        targets = poses.positions[rng.integers(0, len(chain), 24)]
+        ways = targets + rng.normal(0, 0.6, (24, 3)) - origin
         # Find the first of many points along the ray that lies in a module.
         spots = origin + np.linspace(0.5, 1.5, 10_001)[:, None, None] * ways
         turns = matrix_from_wxyz(poses.wxyzs)
-        heights = chain.module.vertices @ chain.module.face_normals.T
         modules: list[int | None] = []
         for k in range(len(ways)):
             inner = np.einsum("mji,tmj->tmi", turns, spots[:, None, k] - poses.positions)
-            reach = inner @ chain.module.face_normals.T
-            inside = ((reach >= heights.min(axis=0)) & (reach <= heights.max(axis=0))).all(axis=2)
+            inside = np.stack(
+                [is_inside(chain.module.piece(m), inner[:, m]) for m in range(len(chain))], axis=1
+            )
             first = np.flatnonzero(inside.any(axis=1))
             modules.append(int(inside[first[0]].argmax()) if len(first) else None)
         assert len(set(modules)) > 3

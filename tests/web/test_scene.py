@@ -140,7 +140,7 @@ def report(**extra: Any) -> dict[str, Any]:
 
 
 def hull_of(header: dict[str, Any]) -> np.ndarray:
-    return np.array(header["hull"]["vertices"])
+    return np.array(header["hull"]["parts"][0]["vertices"])
 
 
 def read_bundle(stated: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:

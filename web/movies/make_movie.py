@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from foldback.web.movies.encoding import find_ffmpeg, open_encoder
 from foldback.web.movies.movie import Movie, MovieStop
 from foldback.web.movies.renderer import MovieRenderer, Shot
-from foldback.web.palette import SELECTED_RGB, error_colours
+from foldback.web.palette import SELECTED_RGB, error_colours, own_colours
 from foldback.web.pictures.camera import few_points
 from foldback.web.pictures.camera_path import CameraPath, camera_path
 from foldback.web.pictures.lighting import TABLE_THEMES, THEMES
+from foldback.web.pictures.meshes import stud_poses
 from foldback.web.pictures.visible_modules import MAX_FULLY_DRAWN_MODULES, visible_modules
 from foldback.web.timeline.view import Snapshot, TimelineView
 
@@ -139,16 +140,23 @@ def _shot(
     stop: MovieStop | None,
 ) -> Shot:
     view = path.views[k]
-    drawn = visible_modules(snapshot.positions, timeline.chain.module, target=view.target)
+    module, modules = timeline.chain.module, len(timeline.chain)
+    drawn = visible_modules(snapshot.positions, module, target=view.target)
     poses = np.concatenate([snapshot.positions, snapshot.wxyzs], axis=1).astype(np.float64)
     colours = error_colours(snapshot.module_error_rad, timeline.error_scale_rad)
+    if module.colours:
+        unknown = np.isnan(snapshot.module_error_rad)
+        colours[unknown] = own_colours(module, modules)[unknown]
     if stop is not None:
         colours[[module for module in stop.modules if module < len(colours)]] = SELECTED_RGB
+    ends, end_turns = stud_poses(module, modules, poses[[0, -1], :3], poses[[0, -1], 3:])
     return Shot(
+        numbers=drawn,
         positions=poses[drawn, :3],
         wxyzs=poses[drawn, 3:],
         colours=colours[drawn],
-        ends=poses[[0, -1]],
+        ends=ends,
+        end_turns=end_turns,
         view=view,
         ground=float(path.grounds[k]),
     )

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from foldback.planner.arrays import Ints
 from foldback.planner.chain.module import Module
 from foldback.planner.chain.rotations import matrix_from_wxyz
 from foldback.planner.simulation.lazy_mujoco import mujoco
@@ -26,8 +27,8 @@ from foldback.web.pictures.lighting import (
     shade_colours,
     share_left,
 )
-from foldback.web.pictures.meshes import stud_mesh, stud_poses
-from foldback.web.pictures.module_faces import module_faces
+from foldback.web.pictures.meshes import stud_mesh
+from foldback.web.pictures.module_faces import drawn_faces
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
@@ -42,18 +43,22 @@ class Shot:
     """Content of one picture.
 
     Attributes:
-        positions: (m, 3) centres in pitches of the modules that are drawn.
+        numbers: (m,) numbers of the modules that are drawn.
+        positions: (m, 3) centres in pitches of these modules.
         wxyzs: (m, 4) orientations of these modules.
         colours: (m, 3) sRGB bytes.
-        ends: (2, 7) centres and orientations of the first and of the last module.
+        ends: (2, 3) positions of the studs on the first and on the last module.
+        end_turns: (2, 3, 3) orientations of the studs.
         view: The camera, in pitches.
         ground: Height of the ground.
     """
 
+    numbers: Ints
     positions: Array
     wxyzs: Array
     colours: NDArray[np.uint8]
     ends: Array
+    end_turns: Array
     view: View
     ground: float
 
@@ -85,19 +90,21 @@ class MovieRenderer:
         self._gl = _context(backend, width, height)
         self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_50)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
-        self._scene = mujoco.MjvScene(self._model, maxgeom=modules * len(module_faces(module)) + 4)
+        counts = [len(drawn_faces(piece)) for piece in module.pieces]
+        self._scene = mujoco.MjvScene(self._model, maxgeom=modules * max(counts) + 4)
         self._scene.flags[:] = 0
-        self._pieces = module_faces(module)
+        self._counts = np.array(counts)
+        self._first = np.cumsum([0, *counts])  # mesh of each piece, and of the studs
         # MuJoCo moves each mesh to an inertial frame; these are its poses in the original frames.
         self._mesh_at = self._model.mesh_pos.copy()
         self._mesh_turn = matrix_from_wxyz(self._model.mesh_quat)
-        self._ends = [self._mesh(len(self._pieces)) for _ in range(2)]
+        self._ends = [self._mesh(sum(counts)) for _ in range(2)]
         for end, colour in zip(self._ends, (FIRST_MODULE_RGB, LAST_MODULE_RGB), strict=True):
             end.rgba[:3] = np.array(colour) / 255.0
         self._planes = self._plane(0), self._plane(1)
         # They come last, so that a picture can leave out those that it does not need.
         self._before = self._scene.ngeom
-        self._faces = [[self._mesh(k) for k in range(len(self._pieces))] for _ in range(modules)]
+        self._faces = [self._mesh(0) for _ in range(modules * max(counts))]
 
     def __enter__(self) -> MovieRenderer:
         return self
@@ -110,7 +117,7 @@ class MovieRenderer:
         """Return (H, W, 3) sRGB bytes, from the top; the array is reused."""
         turns = matrix_from_wxyz(shot.wxyzs)
         self._place_modules(shot, turns)
-        self._place_ends(shot.ends)
+        self._place_ends(shot)
         self._place_ground(shot)
         self._light(shot.view)
         self._look(shot.view)
@@ -141,22 +148,26 @@ class MovieRenderer:
         return geom
 
     def _place_modules(self, shot: Shot, turns: Array) -> None:
+        module = self._module
         free_share = share_left(
-            self._module, shot.positions, turns, view=shot.view, theme=self._theme
+            module, shot.numbers, shot.positions, turns, view=shot.view, theme=self._theme
         )
-        colours = (shot.colours / np.float32(255.0))[:, None] * free_share[..., None]
-        count = len(self._pieces)
-        at = np.einsum("nij,fj->nfi", turns, self._mesh_at[:count]) + shot.positions[:, None]
-        turned = np.einsum("nij,fjk->nfik", turns, self._mesh_turn[:count])
-        self._scene.ngeom = self._before + len(shot.positions) * count
-        for k, faces in enumerate(self._faces[: len(shot.positions)]):
-            for f, geom in enumerate(faces):
-                geom.pos, geom.mat = at[k, f], turned[k, f]
-                geom.rgba[:3] = colours[k, f]
+        pieces = module.piece_numbers[shot.numbers % len(module.pattern)]
+        counts = self._counts[pieces]
+        rows = np.repeat(np.arange(len(counts)), counts)
+        face = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
+        mesh = self._first[pieces[rows]] + face
+        colours = shot.colours[rows] / np.float32(255.0) * free_share[rows, face, None]
+        at = np.einsum("nij,nj->ni", turns[rows], self._mesh_at[mesh]) + shot.positions[rows]
+        turned = turns[rows] @ self._mesh_turn[mesh]
+        self._scene.ngeom = self._before + len(rows)
+        for k, geom in enumerate(self._faces[: len(rows)]):
+            geom.dataid = 2 * mesh[k]
+            geom.pos, geom.mat = at[k], turned[k]
+            geom.rgba[:3] = colours[k]
 
-    def _place_ends(self, ends: Array) -> None:
-        placed = zip(self._ends, *stud_poses(self._module, ends[:, :3], ends[:, 3:]), strict=True)
-        for geom, position, turn in placed:
+    def _place_ends(self, shot: Shot) -> None:
+        for geom, position, turn in zip(self._ends, shot.ends, shot.end_turns, strict=True):
             geom.pos = position + turn @ self._mesh_at[-1]
             geom.mat = turn @ self._mesh_turn[-1]
 
@@ -215,9 +226,10 @@ def _model(module: Module, theme: Theme, *, width: int, height: int) -> Any:
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
     spec.visual.quality.offsamples = 4
     spec.visual.headlight.active = 0
-    for k, piece in enumerate(module_faces(module)):
-        added = _add_mesh(spec, f"face_{k}", piece.vertices, piece.triangles)
-        added.usernormal = piece.normals.ravel()
+    faces = [face for piece in module.pieces for face in drawn_faces(piece)]
+    for k, face in enumerate(faces):
+        added = _add_mesh(spec, f"face_{k}", face.vertices, face.triangles)
+        added.usernormal = face.normals.ravel()
     stud = stud_mesh()
     _add_mesh(spec, "end", stud.vertices, stud.faces)
     for name, cells in (("shade", SHADOW_CELLS), ("ground", 2)):

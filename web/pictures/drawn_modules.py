@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from foldback.planner.chain.module import Module
 from foldback.web.pictures.camera import FIELD_OF_VIEW_RAD, View
 from foldback.web.pictures.lighting import Theme, fill_light, key_light, share_left
-from foldback.web.pictures.module_faces import module_faces
+from foldback.web.pictures.module_faces import drawn_faces
 from foldback.web.pictures.visible_modules import visible_modules
 
 Array = NDArray[np.float64]
@@ -72,28 +72,33 @@ def module_triangles(
         theme: Theme with the lights.
     """
     view = camera.view
-    pieces = module_faces(module)
     # Modules behind the camera, or too close to it, cannot be projected.
     ahead = (view.position - positions) @ view.axes[2] > 2.0 * module.radius
     drawn = visible_modules(positions, module, target=view.target)
     drawn = drawn[ahead[drawn]]
-    turns, centres, paint = rotations[drawn], positions[drawn], colours[drawn].astype(np.float64)
-    at = centres[:, None]
-    free_share = share_left(module, centres, turns, view=view, theme=theme)
+    free_share = share_left(
+        module, drawn, positions[drawn], rotations[drawn], view=view, theme=theme
+    )
     lights = (
         (key_light(view), theme.key_colour),
         (fill_light(view), theme.fill * np.ones(3)),
     )
+    pieces = module.piece_numbers[drawn % len(module.pattern)]
     corners: list[Floats] = []
     tones: list[Floats] = []
-    for f, piece in enumerate(pieces):
-        normals = np.einsum("nij,vj->nvi", turns, piece.normals)
-        shine = theme.ambient + sum(
-            np.maximum(normals @ towards, 0.0)[..., None] * colour for towards, colour in lights
-        )
-        # as bright as in movies, where faces have a specular highlight
-        lit = paint[:, None] * np.minimum(shine, 1.0) * 1.1 * free_share[:, f, None, None]
-        places = camera.seen(np.einsum("nij,vj->nvi", turns, piece.vertices) + at)
-        corners.append(places[:, piece.triangles].reshape(-1, 3, 3).astype(np.float32))
-        tones.append(lit[:, piece.triangles].reshape(-1, 3, 3).astype(np.float32))
+    for number, piece in enumerate(module.pieces):
+        rows = np.flatnonzero(pieces == number)
+        members = drawn[rows]
+        turns, at = rotations[members], positions[members, None]
+        paint = colours[members, None].astype(np.float64)
+        for f, face in enumerate(drawn_faces(piece)):
+            normals = np.einsum("nij,vj->nvi", turns, face.normals)
+            shine = theme.ambient + sum(
+                np.maximum(normals @ towards, 0.0)[..., None] * colour for towards, colour in lights
+            )
+            # as bright as in movies, where faces have a specular highlight
+            lit = paint * np.minimum(shine, 1.0) * 1.1 * free_share[rows, f, None, None]
+            places = camera.seen(np.einsum("nij,vj->nvi", turns, face.vertices) + at)
+            corners.append(places[:, face.triangles].reshape(-1, 3, 3).astype(np.float32))
+            tones.append(lit[:, face.triangles].reshape(-1, 3, 3).astype(np.float32))
     return np.concatenate(corners), np.concatenate(tones)

@@ -8,11 +8,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from foldback.planner.arrays import Ints
 from foldback.planner.chain.module import Module
 from foldback.web.palette import Rgb
 from foldback.web.pictures.camera import View
 from foldback.web.pictures.ground_shadow import GroundShadow
-from foldback.web.pictures.module_faces import module_faces
+from foldback.web.pictures.module_faces import drawn_faces
 from foldback.web.pictures.occlusion import face_light
 
 Array = NDArray[np.float64]
@@ -85,32 +86,46 @@ def fill_light(view: View) -> Array:
 
 
 def share_left(
-    module: Module, positions: Array, turns: Array, *, view: View, theme: Theme
+    module: Module, numbers: Ints, positions: Array, turns: Array, *, view: View, theme: Theme
 ) -> Array:
     """Return the fraction of each face's colour that remains in the shadows of other modules.
 
     Args:
         module: Kind of the modules.
+        numbers: (n,) numbers of the modules in their chain.
         positions: (n, 3) centres of the modules.
         turns: (n, 3, 3) orientations of the modules.
         view: The camera, with which the lights move.
         theme: Theme with the darkest tone.
 
     Returns:
-        (n, F) fractions, 0 to 1, in the order of ``module_faces``.
+        (n, F) fractions, 0 to 1, in the order of ``drawn_faces``; F is the largest number of faces
+        of a piece.
     """
-    pieces = module_faces(module)
-    middles = np.einsum("nij,fj->nfi", turns, np.array([piece.middle for piece in pieces]))
-    normals = np.einsum("nij,fj->nfi", turns, np.array([piece.normal for piece in pieces]))
+    faces = [drawn_faces(piece) for piece in module.pieces]
+    places = np.zeros((2, len(faces), max(map(len, faces)), 3))  # of middles and normals
+    for k, of_piece in enumerate(faces):
+        places[:, k, : len(of_piece)] = (
+            [face.middle for face in of_piece],
+            [face.normal for face in of_piece],
+        )
+    pieces = module.piece_numbers[numbers % len(module.pattern)]
+    middles, normals = np.einsum("nij,knfj->knfi", turns, places[:, pieces])
     sky, lit = face_light(
         middles + positions[:, None],
         normals,
         positions,
-        radius=1.12 * module.inner_radius,
+        radius=_shadow_radius(module),
         towards_light=key_light(view),
     )
     bright = (sky * (1.0 - 0.35 * (1.0 - lit))).astype(np.float64)
     return theme.dimmest + (1.0 - theme.dimmest) * bright
+
+
+def _shadow_radius(module: Module) -> float:
+    """Return the radius of the ball that takes as much light as a module, pitches."""
+    of_volume = float(np.cbrt(3.0 * module.volume / (4.0 * np.pi)))
+    return max(1.12 * module.inner_radius, 0.7 * of_volume)
 
 
 def shade_colours(shadow: GroundShadow, theme: Theme) -> NDArray[np.uint8]:

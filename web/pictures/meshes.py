@@ -8,7 +8,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from foldback.planner.chain.module import Module
+from foldback.planner.chain.module import Module, Piece
+from foldback.planner.chain.polyhedron import Polyhedron
 from foldback.planner.chain.rotations import matrix_from_wxyz
 from foldback.web.pictures.camera import FIELD_OF_VIEW_RAD
 
@@ -31,11 +32,21 @@ class Mesh:
     faces: NDArray[np.int64]
 
 
-def module_mesh(module: Module) -> Mesh:
-    """Return a module's hull, shrunk to leave a gap, with bevelled edges and corners."""
-    outline = sketch_outline(module, 1)
-    corners: Array = np.array(outline["corners"])
-    return hull_mesh(np.concatenate([inset(corners[ring]) for ring in outline["faces"]]))
+def piece_mesh(piece: Piece) -> Mesh:
+    """Return a piece's parts, shrunk to leave a gap, with bevelled edges and corners."""
+    meshes = [_part_mesh(part) for part in piece.parts]
+    offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    return Mesh(
+        vertices=np.concatenate([mesh.vertices for mesh in meshes]),
+        faces=np.concatenate(
+            [mesh.faces + offset for mesh, offset in zip(meshes, offsets, strict=False)]
+        ),
+    )
+
+
+def _part_mesh(part: Polyhedron) -> Mesh:
+    corners = part.corners * DISPLAYED_MODULE_SIZE
+    return hull_mesh(np.concatenate([inset(corners[list(loop)]) for _, loop in part.faces]))
 
 
 def sketch_outline(module: Module, modules: int) -> dict[str, Any]:
@@ -45,27 +56,58 @@ def sketch_outline(module: Module, modules: int) -> dict[str, Any]:
     shows the same frame, poses, colours and camera with the browser's 2D canvas.
 
     Returns:
-        JSON of the displayed hull and the field of view: ``corners`` (V, 3) are in pitches,
-        ``faces`` lists the corners of each flat face, counterclockwise from outside, ``normals`` is
-        (F, 3), and ``field_of_view_rad`` is vertical.
+        JSON of the displayed parts and the field of view. ``parts`` have ``corners`` (V, 3) in
+        pitches, ``faces``, the corners of each flat face, counterclockwise from outside, and
+        ``normals`` (F, 3); ``pieces`` and ``pattern`` are those of ``hull_value``, and
+        ``field_of_view_rad`` is vertical.
     """
-    corners = module.vertices * DISPLAYED_MODULE_SIZE
-    faces: list[list[int]] = []
-    normals: list[list[float]] = []
-    for normal in np.concatenate([module.face_normals, -module.face_normals]):
-        reach = corners @ normal
-        on = np.flatnonzero(reach > reach.max() - 1e-6)  # rounding
-        if len(on) < 3:  # the hull is not symmetric: no face on this side
-            continue
-        faces.append([int(k) for k in on[_around(corners[on], normal)]])
-        normals.append([float(v) for v in normal])
     return {
         "modules": modules,
-        "corners": corners.tolist(),
-        "faces": faces,
-        "normals": normals,
+        "parts": [
+            {
+                "corners": (part.corners * DISPLAYED_MODULE_SIZE).tolist(),
+                "faces": [list(loop) for _, loop in part.faces],
+                "normals": [normal.tolist() for normal, _ in part.faces],
+            }
+            for part in _parts(module)
+        ],
+        **_pieces(module),
         "field_of_view_rad": float(FIELD_OF_VIEW_RAD),
     }
+
+
+def hull_value(module: Module, modules: int, *, unit: float = 1.0) -> dict[str, Any]:
+    """Return JSON of the parts of a chain, by which a page finds the module under the pointer.
+
+    Args:
+        module: The kind of module.
+        modules: Number of modules.
+        unit: Length of a pitch.
+
+    Returns:
+        ``parts`` have ``face_normals`` and ``vertices``; piece k consists of the parts from
+        ``pieces[k][0]`` up to ``pieces[k][1]``, and ``pattern`` lists the pieces of the modules of
+        a period.
+    """
+    return {
+        "modules": modules,
+        "parts": [
+            {
+                "face_normals": part.face_normals.tolist(),
+                "vertices": (part.corners * unit).tolist(),
+            }
+            for part in _parts(module)
+        ],
+        **_pieces(module),
+    }
+
+
+def _parts(module: Module) -> list[Polyhedron]:
+    return [part for piece in module.pieces for part in piece.parts]
+
+
+def _pieces(module: Module) -> dict[str, Any]:
+    return {"pieces": module.hull.pieces.tolist(), "pattern": list(module.pattern)}
 
 
 def stud_mesh() -> Mesh:
@@ -77,29 +119,46 @@ def stud_mesh() -> Mesh:
     return hull_mesh(np.concatenate([low, high]))
 
 
-def stud_poses(module: Module, positions: Array, wxyzs: Array) -> tuple[Array, Array]:
-    """Return the poses of studs on the free faces: behind the first module, before the last one.
+def stud_frames(module: Module, modules: int) -> tuple[Array, Array]:
+    """Return the places of studs on the free faces of a chain's first and last module.
+
+    A stud lies where the joint would be that the module at the end does not have, on its surface.
 
     Args:
         module: Kind of the modules.
+        modules: Number of modules.
+
+    Returns:
+        (2, 3) positions in the frames of these modules, pitches, and (2, 3, 3) axes as columns.
+    """
+    first, last = module.piece(0), module.piece(modules - 1)
+    ends = (
+        (first, first.entry, first.entry_axes @ np.diag([-1.0, -1.0, 1.0])),
+        (last, last.exit, last.exit_axes),
+    )
+    positions: list[Array] = []
+    for piece, place, axes in ends:
+        outward = axes[:, 0]
+        height = float((piece.corners @ outward).max())
+        positions.append(DISPLAYED_MODULE_SIZE * (place + (height - place @ outward) * outward))
+    return np.array(positions), np.array([axes for _, _, axes in ends])
+
+
+def stud_poses(module: Module, modules: int, positions: Array, wxyzs: Array) -> tuple[Array, Array]:
+    """Return the poses of the studs of ``stud_frames``.
+
+    Args:
+        module: Kind of the modules.
+        modules: Number of modules.
         positions: (2, 3) centres of the first and of the last module, pitches.
         wxyzs: (2, 4) orientations of these modules.
 
     Returns:
         (2, 3) positions and (2, 3, 3) orientations.
     """
-    reach = DISPLAYED_MODULE_SIZE * float(np.abs(module.vertices[:, 0]).max())
-    half_turn = np.diag([-1.0, -1.0, 1.0])
-    turns = matrix_from_wxyz(wxyzs) @ np.array([half_turn, np.eye(3)])
-    return positions + reach * turns[..., 0], turns
-
-
-def _around(corners: Array, normal: Array) -> NDArray[np.int64]:
-    """Return the order of a flat face's corners, counterclockwise about its outward normal."""
-    spread = corners - corners.mean(axis=0)
-    right = spread[0] / np.linalg.norm(spread[0])
-    up = np.cross(normal, right)
-    return np.argsort(np.arctan2(spread @ up, spread @ right))
+    places, axes = stud_frames(module, modules)
+    turns = matrix_from_wxyz(wxyzs)
+    return positions + np.einsum("kij,kj->ki", turns, places), turns @ axes
 
 
 def inset(ring: Array) -> Array:

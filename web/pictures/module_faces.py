@@ -1,8 +1,8 @@
 """Module faces: the mesh of a module, split by faces, so that each face can be lit separately.
 
-Together the pieces form the mesh of ``web.pictures.meshes``: shrunk to leave a gap, with bevelled
-edges. Each piece is a flat face with half of each bevel around it; normals turn evenly across a
-bevel, so that edges look round.
+Together they form the mesh of ``web.pictures.meshes``: shrunk to leave a gap, with bevelled edges.
+Each is a flat face with half of each bevel around it; normals turn evenly across a bevel, so that
+edges look round.
 """
 
 from __future__ import annotations
@@ -13,18 +13,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from foldback.planner.chain.module import Module
-from foldback.web.pictures.meshes import inset, sketch_outline
+from foldback.planner.chain.module import Piece
+from foldback.planner.chain.polyhedron import Polyhedron
+from foldback.web.pictures.meshes import DISPLAYED_MODULE_SIZE, inset
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Piece:
-    """One face of a module with its part of the bevels.
+class DrawnFace:
+    """One face of a piece with its part of the bevels.
 
     Attributes:
-        vertices: (V, 3) vertices in the module's frame, pitches.
+        vertices: (V, 3) vertices in the piece's frame, pitches.
         normals: (V, 3) unit normals at the vertices.
         triangles: (T, 3) indices of vertices, counterclockwise from outside.
         middle: (3,) centre of the flat face.
@@ -38,12 +39,15 @@ class Piece:
     normal: Array
 
 
-def module_faces(module: Module) -> tuple[Piece, ...]:
-    """Return the pieces of a module with three faces at each corner."""
-    outline = sketch_outline(module, 1)
-    corners: Array = np.array(outline["corners"])
-    faces: list[list[int]] = outline["faces"]
-    normals: Array = np.array(outline["normals"])
+def drawn_faces(piece: Piece) -> tuple[DrawnFace, ...]:
+    """Return the faces of a piece, part by part."""
+    return tuple(face for part in piece.parts for face in _faces_of_part(part))
+
+
+def _faces_of_part(part: Polyhedron) -> list[DrawnFace]:
+    corners = part.corners * DISPLAYED_MODULE_SIZE
+    faces = [list(loop) for _, loop in part.faces]
+    normals: Array = np.array([normal for normal, _ in part.faces])
     drawn: dict[tuple[int, int], Array] = {}
     beside: dict[tuple[int, int], int] = {}
     meeting: dict[int, list[int]] = defaultdict(list)
@@ -60,7 +64,7 @@ def module_faces(module: Module) -> tuple[Piece, ...]:
         normal = normals[list(owners)].sum(axis=0)
         return point, normal / np.linalg.norm(normal)
 
-    pieces: list[Piece] = []
+    result: list[DrawnFace] = []
     for face, ring in enumerate(faces):
         points: list[tuple[Array, Array]] = [shared(corner, face) for corner in ring]
         count = len(ring)
@@ -79,8 +83,8 @@ def module_faces(module: Module) -> tuple[Piece, ...]:
             triangles += [(k, at, at + 1), (k, at + 1, at + 2)]
             triangles += [(k, at + 2, at + 3), (k, at + 3, following)]
         vertices, their_normals = (np.array(values) for values in zip(*points, strict=True))
-        pieces.append(
-            Piece(
+        result.append(
+            DrawnFace(
                 vertices=vertices,
                 normals=their_normals,
                 triangles=np.array(triangles),
@@ -88,4 +92,4 @@ def module_faces(module: Module) -> tuple[Piece, ...]:
                 normal=normals[face],
             )
         )
-    return tuple(pieces)
+    return result

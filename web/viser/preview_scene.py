@@ -17,15 +17,15 @@ from foldback.planner.chain.built_in_modules import CUBE, module_named
 from foldback.planner.chain.module import Module
 from foldback.web.palette import (
     MAX_ERROR_RGB,
-    NO_ERROR_RGB,
     SELECTED_RGB,
     Rgb,
+    own_colours,
     ramp_colours,
 )
 from foldback.web.pictures.camera import FIELD_OF_VIEW_RAD
-from foldback.web.pictures.meshes import DISPLAYED_MODULE_SIZE, module_mesh
+from foldback.web.pictures.meshes import DISPLAYED_MODULE_SIZE, hull_value, piece_mesh
 from foldback.web.timeline.columns import encode
-from foldback.web.viser.scene import add_lights, add_meshes
+from foldback.web.viser.scene import add_lights, add_meshes, piece_nodes
 from foldback.web.viser.scene_bundle import capture_messages, viser_server
 
 if TYPE_CHECKING:
@@ -49,11 +49,12 @@ def preview_scene_of(report: Mapping[str, Any]) -> bytes:
     """Return the scene of a preview's report, as one message of ``web.timeline.columns``.
 
     The header holds the scene's ``messages`` as in ``web.viser.scene_bundle``, a module's ``hull``
-    in the terms of ``planner.chain.module``, the ``corners`` (8, 3) of the box to keep in view, the
+    as in ``web.pictures.meshes``, the ``corners`` (8, 3) of the box to keep in view, the
     ``radius`` of a module, the ``camera``, and the ``colours`` of the selected module and of the
     translucent cells around a path (``ghost``). Lengths are in the scene's units: the shape has the
     same size whatever its number of modules. The columns hold the messages' arrays, the ``cells``
-    of the modules (n, 3) and their ``colours`` (n, 3) when opaque, sRGB.
+    of the modules (n, 3), their ``positions`` (n, 3) and ``wxyzs`` (n, 4) in the scene, and their
+    ``colours`` (n, 3) when opaque, sRGB.
 
     Args:
         report: Full result of ``planner.pipeline.prepare.Preparation.report``.
@@ -61,14 +62,9 @@ def preview_scene_of(report: Mapping[str, Any]) -> bytes:
     with viser_server() as server:
         scene = _PreviewScene(server, report)
         messages, arrays = capture_messages(server)
-    module = scene.module
     header = {
         "messages": messages,
-        "hull": {
-            "modules": len(scene.positions),
-            "face_normals": module.face_normals.tolist(),
-            "vertices": (module.vertices * scene.unit).tolist(),
-        },
+        "hull": hull_value(scene.module, len(scene.positions), unit=scene.unit),
         "corners": scene.corners.tolist(),
         "radius": 0.62 * scene.unit,
         "camera": {
@@ -80,7 +76,14 @@ def preview_scene_of(report: Mapping[str, Any]) -> bytes:
         "colours": {"selected": SELECTED_RGB, "ghost": GHOST_RGB, "ghost_opacity": GHOST_OPACITY},
     }
     cells = np.asarray(report["cells"], dtype="<i4").reshape(-1, 3)
-    return encode(header, {**arrays, "cells": cells, "colours": scene.colours})
+    columns = {
+        **arrays,
+        "cells": cells,
+        "positions": scene.places.astype("<f4"),
+        "wxyzs": scene.wxyzs.astype("<f4"),
+        "colours": scene.colours,
+    }
+    return encode(header, columns)
 
 
 class _PreviewScene:
@@ -95,7 +98,7 @@ class _PreviewScene:
         self.positions: Array = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
         count = len(self.positions)
         wxyzs = report.get("wxyzs")
-        self._wxyzs = (
+        self.wxyzs: Array = (
             np.tile((1.0, 0.0, 0.0, 0.0), (count, 1)) if wxyzs is None else np.asarray(wxyzs)
         )
         mesh = report.get("mesh")
@@ -106,10 +109,11 @@ class _PreviewScene:
         low, high = _bounds(np.concatenate([self.positions, self._added]), mesh)
         self._middle = (low + high) / 2
         self.unit = SCENE_SIZE / float((high - low).max())
+        self.places: Array = self._placed(self.positions)
         inner = self._placed(np.array([low + 0.5, high - 0.5]))
         shares = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
         self.corners: Array = inner[0] + shares * (inner[1] - inner[0])
-        self.colours: Bytes = np.tile(np.array(NO_ERROR_RGB, np.uint8), (count, 1))
+        self.colours: Bytes = own_colours(self.module, count)
         add_lights(server, sky=1.9, shadows=False)
         if count:
             self._draw(report)
@@ -152,8 +156,20 @@ class _PreviewScene:
         else:
             self._mark(report)
             self._modules("/cells", self.colours)
-        # The page moves it to the selected module.
-        self._modules("/selected", np.array([SELECTED_RGB], np.uint8), visible=False)
+        # The page moves the one of the selected module's piece to it.
+        blue = np.array([SELECTED_RGB], np.uint8)
+        for node in piece_nodes("/selected", self.module, len(self.positions)):
+            first = node.members[:1]
+            add_meshes(
+                self._scene,
+                node.name,
+                piece_mesh(node.piece),
+                blue,
+                self.places[first],
+                self.wxyzs[first],
+                self.unit,
+                visible=False,
+            )
 
     def _mark(self, report: Mapping[str, Any]) -> None:
         """Mark the cells that prevent a path, and those that the repair removes or adds."""
@@ -191,18 +207,18 @@ class _PreviewScene:
         self, name: str, colours: Bytes, *, opacity: float | None = None, visible: bool = True
     ) -> None:
         """Add the first modules of the folded chain, one for each colour."""
-        count = len(colours)
-        add_meshes(
-            self._scene,
-            name,
-            module_mesh(self.module),
-            colours,
-            self._placed(self.positions[:count]),
-            self._wxyzs[:count],
-            self.unit,
-            opacity=opacity,
-            visible=visible,
-        )
+        for node in piece_nodes(name, self.module, len(colours)):
+            add_meshes(
+                self._scene,
+                node.name,
+                piece_mesh(node.piece),
+                colours[node.members],
+                self.places[node.members],
+                self.wxyzs[node.members],
+                self.unit,
+                opacity=opacity,
+                visible=visible,
+            )
 
     def _cubes(
         self,
@@ -215,7 +231,9 @@ class _PreviewScene:
         """Add cuboids with sides in pitches."""
         scale = self.unit * sides / DISPLAYED_MODULE_SIZE
         places = self._placed(cells)
-        add_meshes(self._scene, name, module_mesh(CUBE), colours, places, scale=scale, **options)
+        add_meshes(
+            self._scene, name, piece_mesh(CUBE.pieces[0]), colours, places, scale=scale, **options
+        )
 
     def _placed(self, points: Array) -> Array:
         return (points - self._middle) * self.unit

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from foldback.planner.arrays import Ints
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import Module, Piece
 from foldback.planner.chain.rotations import wxyz_from_matrix
 from foldback.web.palette import FIRST_MODULE_RGB, LAST_MODULE_RGB, instance_colours, ramp_colours
 from foldback.web.pictures.camera import FIELD_OF_VIEW_RAD, GROUND_GAP_PITCH
-from foldback.web.pictures.meshes import Mesh, module_mesh, stud_mesh, stud_poses
+from foldback.web.pictures.meshes import Mesh, piece_mesh, stud_mesh, stud_poses
 from foldback.web.pictures.table_top import TABLE_RGB, TableTop, disc_mesh
 from foldback.web.timeline.view import Snapshot
 
@@ -86,9 +89,36 @@ def add_meshes(
     )
 
 
-def _black(chain: Chain) -> NDArray[np.uint8]:
-    """Return black for each module of a chain, until its colour is known."""
-    return np.zeros((len(chain), 3), np.uint8)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PieceNode:
+    """Node that shows all modules of a chain that are one of the module's pieces.
+
+    Attributes:
+        name: Name of the node.
+        piece: The piece.
+        members: (m,) numbers of the modules, in order.
+    """
+
+    name: str
+    piece: Piece
+    members: Ints
+
+
+def piece_nodes(name: str, module: Module, modules: int) -> list[PieceNode]:
+    """Return the nodes that show a chain: one for each of the module's pieces in it."""
+    numbers = np.resize(module.piece_numbers, modules)
+    return [
+        PieceNode(
+            name=f"{name}_{k}" if k else name, piece=piece, members=np.flatnonzero(numbers == k)
+        )
+        for k, piece in enumerate(module.pieces)
+        if k in numbers
+    ]
+
+
+def _black(modules: int) -> NDArray[np.uint8]:
+    """Return black for each of some modules, until its colour is known."""
+    return np.zeros((modules, 3), np.uint8)
 
 
 class Scene:
@@ -119,9 +149,15 @@ class Scene:
         self._last: Snapshot | None = None
         self._table = table
         add_lights(server, sky=1.7, shadows=True)
-        self._modules = self._add_copies(
-            "/modules", module_mesh(chain.module), _black(chain), **SHADOWS
-        )
+        self._modules = [
+            (
+                node.members,
+                self._add_copies(
+                    node.name, piece_mesh(node.piece), _black(len(node.members)), **SHADOWS
+                ),
+            )
+            for node in piece_nodes("/modules", chain.module, len(chain))
+        ]
         ends = np.array([FIRST_MODULE_RGB, LAST_MODULE_RGB], np.uint8)
         self._ends = self._add_copies("/ends", stud_mesh(), ends)
         self._add_path()
@@ -174,7 +210,7 @@ class Scene:
         self._add_copies(
             TABLE_NODES[1],
             disc_mesh(),
-            _black(self._chain),
+            _black(len(self._chain)),
             batched_scales=np.zeros(len(self._chain), np.float32),
             opacity=0.85,
             side="double",
@@ -191,19 +227,25 @@ class Scene:
         """Draw a snapshot with modules in (n, 3) sRGB bytes, as one update for all clients."""
         self._last = snapshot
         with self._server.atomic():
-            self._modules.batched_positions = snapshot.positions * np.float32(self.pitch)
-            self._modules.batched_wxyzs = snapshot.wxyzs
-            self._modules.batched_colors = instance_colours(colours)
+            for members, handle in self._modules:
+                handle.batched_positions = snapshot.positions[members] * np.float32(self.pitch)
+                handle.batched_wxyzs = snapshot.wxyzs[members]
+                handle.batched_colors = instance_colours(colours[members])
             self._place_ends(snapshot)
 
     def on_click(self, clicked: Callable[[int], None]) -> None:
         """Call ``clicked`` with the number of each module that is clicked."""
+        for members, handle in self._modules:
 
-        @self._modules.on_click
-        def _(event: viser.SceneNodePointerEvent[viser.BatchedMeshHandle]) -> None:
-            # Clients may send invalid numbers.
-            if event.instance_index is not None and 0 <= event.instance_index < len(self._chain):
-                clicked(event.instance_index)
+            def report(
+                event: viser.SceneNodePointerEvent[viser.BatchedMeshHandle],
+                members: NDArray[np.int64] = members,
+            ) -> None:
+                # Clients may send invalid numbers.
+                if event.instance_index is not None and 0 <= event.instance_index < len(members):
+                    clicked(int(members[event.instance_index]))
+
+            handle.on_click(report)
 
     def points(self, snapshot: Snapshot) -> Array:
         """Return the (m, 3) centres of the modules to keep in view, in the scene's units."""
@@ -218,7 +260,7 @@ class Scene:
         centres, wxyzs = (
             values[[0, -1]].astype(np.float64) for values in (snapshot.positions, snapshot.wxyzs)
         )
-        positions, turns = stud_poses(self._chain.module, centres, wxyzs)
+        positions, turns = stud_poses(self._chain.module, len(self._chain), centres, wxyzs)
         self._ends.batched_positions = (positions * self.pitch).astype(np.float32)
         self._ends.batched_wxyzs = wxyz_from_matrix(turns).astype(np.float32)
 

@@ -32,6 +32,7 @@ from foldback.web.palette import (
     STALLED_RGB,
     UNKNOWN_ERROR_RGB,
     error_ramp,
+    own_colours,
     ramp_colours,
 )
 from foldback.web.pictures.camera import (
@@ -40,10 +41,15 @@ from foldback.web.pictures.camera import (
     FIELD_OF_VIEW_RAD,
     ORBIT_SPEED_RAD_S,
 )
-from foldback.web.pictures.meshes import DISPLAYED_MODULE_SIZE, sketch_outline
+from foldback.web.pictures.meshes import (
+    DISPLAYED_MODULE_SIZE,
+    hull_value,
+    sketch_outline,
+    stud_frames,
+)
 from foldback.web.pictures.table_top import TableTop
 from foldback.web.timeline.columns import encode
-from foldback.web.viser.scene import Scene
+from foldback.web.viser.scene import Scene, piece_nodes
 
 if TYPE_CHECKING:
     import viser
@@ -65,21 +71,22 @@ def bundle_of(chain: Chain, stretch: int | None = None, table: TableTop | None =
         table: Table under the chain; None if it floats.
     """
     module, n = chain.module, len(chain)
+    joint = module.joint
     pitch, messages, arrays = _staged(chain, stretch, table)
+    places, axes = stud_frames(module, n)
     header = {
         "chain": {
             "name": chain.name,
             "module": module.name,
-            "modules": n,
             "root": chain.root,
             "rigid_links": module.rigid_links,
             "hinges": module.hinges_per_joint,
-            "anchor": module.anchor.tolist(),
-            "axes": module.axes.tolist(),
-            "turn": wxyz_from_matrix(module.turn).tolist(),
-            "offset": module.offset.tolist(),
-            "face_normals": module.face_normals.tolist(),
-            "vertices": module.vertices.tolist(),
+            "kinds": joint.kinds.tolist(),
+            "anchor": joint.anchor.tolist(),
+            "axes": joint.axes.tolist(),
+            "turn": wxyz_from_matrix(joint.turn).tolist(),
+            "offset": joint.offset.tolist(),
+            **hull_value(module, n),
             "radius": module.radius,
             "hinge_names": list(module.hinge_names),
             # Only cubes fill cells; rounded positions of other modules have no meaning.
@@ -101,7 +108,12 @@ def bundle_of(chain: Chain, stretch: int | None = None, table: TableTop | None =
         "table": None if table is None else _table_told(table),
         "pitch": pitch,
         "shown_size": DISPLAYED_MODULE_SIZE,
-        "reach": float(np.abs(module.vertices[:, 0]).max()),
+        "nodes": [node.name for node in piece_nodes("/modules", module, n)],
+        "ends": [
+            {"at": place, "wxyz": turn}
+            for place, turn in zip(places.tolist(), wxyz_from_matrix(axes).tolist(), strict=True)
+        ],
+        "own_colours": own_colours(module, len(module.colours)).tolist(),
         "colours": {
             "neutral": NO_ERROR_RGB,
             "unknown": UNKNOWN_ERROR_RGB,

@@ -48,7 +48,8 @@ def test_faces_that_two_modules_share_are_inner() -> None:
 
 
 def test_overlap_of_parts_is_refused_and_a_hollow_is_not() -> None:
-    Chain.from_angles(BRACKETS, np.zeros(3))
+    Chain.from_angles(BRACKETS, np.full(4, 1.2))
     with pytest.raises(InputError, match="overlap") as refused:
-        Chain.from_angles(BRACKETS, np.array([1.5, 1.5, 1.5]))
+        Chain.from_angles(BRACKETS, np.full(4, 1.5))
     assert refused.value.code == "overlap"
+    assert refused.value.values["modules"] == [0, 4]

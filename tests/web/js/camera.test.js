@@ -6,7 +6,10 @@ import {
   fewPoints,
   framing,
   glided,
+  membersOf,
+  pieceOf,
   positionOf,
+  valuesOf,
 } from "../../../web/static/js/viewer/camera.js";
 import { clearestSight } from "../../../web/static/js/viewer/viewpoint.js";
 import { close, unpack, vectors } from "./vectors.js";
@@ -74,4 +77,26 @@ test("the camera looks at modules from a side where nothing hides them", () => {
   assert.equal(rise, 0.9);
   // If nothing is in the way, the camera stays.
   assert.deepEqual(clearestSight(positions.subarray(0, 3), [0], [0.3, 0.15]), [0.3, 0.15]);
+});
+
+test("values of modules are shared out to the pieces that they are", () => {
+  const pieces = {
+    modules: 5,
+    pieces: [
+      [0, 1],
+      [1, 3],
+      [3, 4],
+    ],
+    pattern: [2, 0, 2],
+  };
+  assert.equal(pieceOf(pieces, 4), 0);
+  const members = membersOf(pieces);
+  assert.deepEqual(members, [
+    [0, [1, 4]],
+    [2, [0, 2, 3]],
+  ]);
+  const values = Float32Array.from({ length: 10 }, (_, k) => k);
+  assert.deepEqual([...valuesOf(values, members[0][1], 2)], [2, 3, 8, 9]);
+  assert.deepEqual([...valuesOf(values, members[1][1], 2)], [0, 1, 4, 5, 6, 7]);
+  assert.equal(valuesOf(values, [0, 1, 2, 3, 4], 2), values);
 });

@@ -40,7 +40,7 @@ function outside({ rig, snapshot, timeline }, covered = 0) {
   const {
     header: { sketch, pitch },
   } = timeline.bundle;
-  const corners = timeline.chain.cells ? CORNERS : sketch.corners;
+  const corners = timeline.chain.cells ? CORNERS : sketch.parts[0].corners;
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
   let count = 0;
   for (let i = 0; i < timeline.chain.modules; i++) {

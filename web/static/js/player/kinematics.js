@@ -1,6 +1,7 @@
 // Forward kinematics from hinge angles and a root pose, the progress of folding, and the displayed
 // orientation. The poses, as in planner/chain/module.py:
-// T[i+1] = T[i] · Trans(anchor) · Rot(axis_1, q_1) … Rot(axis_K, q_K) · turn · Trans(offset).
+// T[i+1] = T[i] · Trans(anchor) · Rot(axis_1, q_1) … Rot(axis_K, q_K) · turn · Trans(offset),
+// with row kinds[i % kinds.length] of the chain's joints.
 import { angleIn } from "./frames.js";
 import { quaternionOf, times, turned } from "../viewer/camera.js";
 
@@ -45,12 +46,13 @@ export class Kinematics {
    * @param {number} link
    */
   step(angle, link) {
-    const { rigid_links: rigid, hinges, axes, turn } = this.chain;
+    const { rigid_links: rigid, hinges, kinds, axes, turn } = this.chain;
+    const row = kinds[link % kinds.length];
     /** @type {Quaternion} */
     let q = [1, 0, 0, 0];
     for (let k = 0, j = (link - rigid) * hinges; j >= 0 && k < hinges; k++, j++)
-      q = times(q, rotation(axes[k], angle(j)));
-    return times(q, turn);
+      q = times(q, rotation(axes[row][k], angle(j)));
+    return times(q, turn[row]);
   }
 
   // Return centres (3n) and orientations (4n) of one configuration.
@@ -109,14 +111,15 @@ export class Kinematics {
    * @returns {[Vector, Quaternion]}
    */
   ahead(angle, start, end, position, wxyz, poses) {
-    const { anchor, offset } = this.chain;
+    const { kinds, anchor, offset } = this.chain;
     const p = vectorOf(position);
     let q = quaternionOf(wxyz);
     put(start, p, q, poses);
     for (let i = start + 1; i < end; i++) {
-      const a = turned(q, anchor);
+      const row = kinds[(i - 1) % kinds.length];
+      const a = turned(q, anchor[row]);
       q = times(q, this.step(angle, i - 1));
-      const b = turned(q, offset);
+      const b = turned(q, offset[row]);
       for (let k = 0; k < 3; k++) p[k] += a[k] + b[k];
       put(i, p, q, poses);
     }
@@ -232,13 +235,14 @@ const MAX_CELL = 2 ** 16; // from the origin, in both directions
 
 // Return, for each module of the folded chain and each face of `sketch`,
 // the module that touches and hides the face; `modules` if there is
-// none. `sketch` and `shown_size` as in the scene bundle's header.
+// none. `sketch` and `shown_size` as in the scene bundle's header; the modules have one part.
 /**
  * @param {Pick<BundleHeader, "sketch" | "shown_size">} header
  * @param {Poses} folded
  */
 export function touching({ sketch, shown_size: size }, { positions, wxyzs }) {
-  const { modules: n, corners, faces } = sketch;
+  const { modules: n, parts } = sketch;
+  const [{ corners, faces }] = parts;
   const middles = faces.map((face) =>
     [0, 1, 2].map((c) => face.reduce((sum, v) => sum + corners[v][c], 0) / face.length / size),
   );

@@ -328,7 +328,8 @@ export class Timeline extends Emitter {
     this.bundle = bundle;
     this.chain = header.chain;
     this.kinematics = new Kinematics(header.chain, this.foldedRad);
-    if (this.windowed) bundle.neighbours = touching(header, this.kinematics.folded);
+    if (this.windowed && header.sketch.parts.length === 1)
+      bundle.neighbours = touching(header, this.kinematics.folded);
     this.store = new FrameStore(this.joints, this.windowed);
     this.id = id;
   }

@@ -346,6 +346,40 @@ function principal(matrix) {
   return { axis, longest, second: sum / 2 + Math.sqrt(Math.max(0, squares / 2 - sum ** 2 / 4)) };
 }
 
+// Return the piece that a module is.
+/**
+ * @param {Pick<Pieces, "pattern">} pieces
+ * @param {number} module
+ */
+export const pieceOf = ({ pattern }, module) => pattern[module % pattern.length];
+
+// Return, for each kind of piece in a chain, its number and the modules that it is.
+/**
+ * @param {Pieces} pieces
+ * @returns {[piece: number, members: number[]][]}
+ */
+export function membersOf(pieces) {
+  /** @type {number[][]} */
+  const members = pieces.pieces.map(() => []);
+  for (let i = 0; i < pieces.modules; i++) members[pieceOf(pieces, i)].push(i);
+  return [...members.entries()].filter(([, modules]) => modules.length);
+}
+
+// Return the values of some modules, `width` for each.
+/**
+ * @template {Float32Array | Float64Array | Uint8Array} Values
+ * @param {Values} values
+ * @param {number[]} members
+ * @param {number} width
+ * @returns {Values}
+ */
+export function valuesOf(values, members, width) {
+  if (members.length * width === values.length) return values;
+  const chosen = /** @type {Values} */ (values.slice(0, members.length * width));
+  members.forEach((i, k) => chosen.set(values.subarray(width * i, width * (i + 1)), width * k));
+  return chosen;
+}
+
 // Return the first module that a ray hits; null if there is none.
 /**
  * @param {Hull} hull
@@ -354,12 +388,12 @@ function principal(matrix) {
  * @param {Vector} direction
  */
 export function picked(hull, { positions, wxyzs }, origin, direction) {
-  const spans = hull.face_normals.map((normal) => {
-    const heights = hull.vertices.map(
-      (v) => v[0] * normal[0] + v[1] * normal[1] + v[2] * normal[2],
-    );
-    return /** @type {const} */ ([normal, Math.min(...heights), Math.max(...heights)]);
-  });
+  const spansOfParts = hull.parts.map(({ face_normals: normals, vertices }) =>
+    normals.map((normal) => {
+      const heights = vertices.map((v) => v[0] * normal[0] + v[1] * normal[1] + v[2] * normal[2]);
+      return /** @type {const} */ ([normal, Math.min(...heights), Math.max(...heights)]);
+    }),
+  );
   let best = null;
   let nearest = Infinity;
   for (let i = 0; i < hull.modules; i++) {
@@ -371,19 +405,21 @@ export function picked(hull, { positions, wxyzs }, origin, direction) {
       origin[2] - positions[3 * i + 2],
     ]);
     const way = turned(inverse, direction);
-    let enter = -Infinity;
-    let leave = Infinity;
-    for (const [n, low, high] of spans) {
-      const along = way[0] * n[0] + way[1] * n[1] + way[2] * n[2];
-      const at = start[0] * n[0] + start[1] * n[1] + start[2] * n[2];
-      const toLow = (low - at) / along;
-      const two = (high - at) / along;
-      enter = Math.max(enter, Math.min(toLow, two));
-      leave = Math.min(leave, Math.max(toLow, two));
-    }
-    if (enter <= leave && leave > 0 && enter < nearest) {
-      nearest = enter;
-      best = i;
+    for (const spans of spansOfParts.slice(...hull.pieces[pieceOf(hull, i)])) {
+      let enter = -Infinity;
+      let leave = Infinity;
+      for (const [n, low, high] of spans) {
+        const along = way[0] * n[0] + way[1] * n[1] + way[2] * n[2];
+        const at = start[0] * n[0] + start[1] * n[1] + start[2] * n[2];
+        const toLow = (low - at) / along;
+        const toHigh = (high - at) / along;
+        enter = Math.max(enter, Math.min(toLow, toHigh));
+        leave = Math.min(leave, Math.max(toLow, toHigh));
+      }
+      if (enter <= leave && leave > 0 && enter < nearest) {
+        nearest = enter;
+        best = i;
+      }
     }
   }
   return best;

@@ -1,6 +1,6 @@
 // The 3D scene of a preview: layers that can be toggled,
 // and a highlighted module; see web/viser/preview_scene.py.
-import { framing, orbited, picked, positionOf } from "./camera.js";
+import { framing, membersOf, orbited, picked, pieceOf, positionOf, valuesOf } from "./camera.js";
 import { decode } from "../lib/columns.js";
 import { Hand, KEY_ORBITS, Scene, cameraTo, linear, update, visibility } from "./scene.js";
 
@@ -127,7 +127,17 @@ export class PreviewStage extends Scene {
 
   /** @param {string} name */
   layered(name) {
-    return this.nodes.has(`/${name}`) ? [visibility(`/${name}`, this.layers[name])] : [];
+    const nodes = name === "cells" ? this.nodesOf("/cells") : [`/${name}`];
+    return nodes
+      .filter((node) => this.nodes.has(node))
+      .map((node) => visibility(node, this.layers[name]));
+  }
+
+  // Names of the nodes of the modules, one for each of the module's pieces.
+  /** @param {string} name */
+  nodesOf(name) {
+    const pieces = this.bundle?.header.hull.pieces ?? [];
+    return pieces.map((_, k) => (k ? `${name}_${k}` : name));
   }
 
   /** @param {number | null} module */
@@ -144,7 +154,7 @@ export class PreviewStage extends Scene {
   pick(origin, direction) {
     const { bundle } = this;
     if (!bundle) return;
-    const module = this.nodes.has("/cells")
+    const module = this.hasModules
       ? picked(bundle.header.hull, this.modules(), origin, direction)
       : null;
     this.select(module);
@@ -154,44 +164,50 @@ export class PreviewStage extends Scene {
     );
   }
 
+  get hasModules() {
+    return this.nodesOf("/cells").some((node) => this.nodes.has(node));
+  }
+
   // Return the poses of the modules in the scene.
   modules() {
-    const { header, arrays } = /** @type {PreviewBundle} */ (this.bundle);
-    const cells = header.messages.find((message) => message.props && message.name === "/cells");
-    const columns = /** @type {Record<string, { column: string }>} */ (cells?.props);
-    return {
-      positions: arrays[columns.batched_positions.column],
-      wxyzs: arrays[columns.batched_wxyzs.column],
-    };
+    const { positions, wxyzs } = /** @type {PreviewBundle} */ (this.bundle).arrays;
+    return { positions, wxyzs };
   }
 
   // Colour the modules: transparent if the path is visible, except for the selected one.
   paint() {
     const { bundle } = this;
-    if (!bundle || !this.open || !this.nodes.has("/cells")) return;
+    if (!bundle || !this.open || !this.hasModules) return;
     const { selected: blue, ghost, ghost_opacity: opacity } = bundle.header.colours;
     const { selected } = this;
     const through = this.nodes.has("/path") && this.layers.path;
     const colours = bundle.arrays.colours.slice();
     if (through) for (let i = 0; i < colours.length; i++) colours[i] = ghost[i % 3];
     if (selected !== null) colours.set(blue, 3 * selected);
-    const messages = [
-      update("/cells", {
-        opacity: through ? opacity : null,
-        batched_colors: colours.map((byte) => linear[byte]),
+    const bytes = colours.map((byte) => linear[byte]);
+    const { hull } = bundle.header;
+    const { positions, wxyzs } = this.modules();
+    this.apply(
+      membersOf(hull).flatMap(([piece, members]) => {
+        const [cells, mark] = [this.nodesOf("/cells")[piece], this.nodesOf("/selected")[piece]];
+        const isMarked = selected !== null && pieceOf(hull, selected) === piece;
+        const messages = [
+          update(cells, {
+            opacity: through ? opacity : null,
+            batched_colors: valuesOf(bytes, members, 3),
+          }),
+          visibility(mark, isMarked),
+        ];
+        if (isMarked)
+          messages.push(
+            update(mark, {
+              batched_positions: valuesOf(positions, [selected], 3),
+              batched_wxyzs: valuesOf(wxyzs, [selected], 4),
+            }),
+          );
+        return messages;
       }),
-      visibility("/selected", selected !== null),
-    ];
-    if (selected !== null) {
-      const { positions, wxyzs } = this.modules();
-      messages.push(
-        update("/selected", {
-          batched_positions: positions.slice(3 * selected, 3 * selected + 3),
-          batched_wxyzs: wxyzs.slice(4 * selected, 4 * selected + 4),
-        }),
-      );
-    }
-    this.apply(messages);
+    );
   }
 
   // Keep the shape in view when the window or the shape changes, from where the visitor looks at

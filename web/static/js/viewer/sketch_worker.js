@@ -1,4 +1,4 @@
-// Draws a fold in 2D: convex modules from back to front (painter's algorithm), with shaded faces.
+// Draws a fold in 2D: convex parts from back to front (painter's algorithm), with shaded faces.
 const SHADOW_SCALE = 1 / 6;
 const SHADOW = 0.2;
 const NEAREST = 0.05;
@@ -24,7 +24,12 @@ const GAP = 0.6; // brightness of the gap
  *   floor: number, core: number, rod: number }} SketchFrame
  */
 /** @typedef {{ top: Colour, edge: Colour }} Wood colours of a table */
-/** @typedef {{ i: number, count: number, hidden: number, far: number }} Piece */
+/**
+ * @typedef {OutlinePart & { reach: number[], middle: Vector, points: Places, around: Places }} Part
+ *   distances of the faces' planes, mean of the corners, and places of the corners in the picture
+ */
+/** @typedef {[x: number, y: number][]} Places */
+/** @typedef {{ i: number, part: number, count: number, hidden: number, far: number }} Piece */
 /**
  * @typedef {(x: number, y: number, z: number, at: number[]) => number} See writes the projection of
  *   a point to `at` and returns its depth
@@ -198,14 +203,35 @@ function light(x, y, z) {
 const GROUPED_PX = 6; // smaller modules of the straight tail are drawn as one
 const ALIKE = 48; // maximum difference between the colours of such modules
 
+/** @type {{ of: Drawn, parts: Part[], radius: number } | null} */
+let prepared = null;
+
+// Return the parts of an outline with what all frames share, and the radius of a module.
+/** @param {Drawn} outlined */
+function partsOf(outlined) {
+  if (prepared?.of === outlined) return prepared;
+  const parts = outlined.parts.map(({ corners, faces, normals }) => ({
+    corners,
+    faces,
+    normals,
+    reach: normals.map((normal, f) => dot(normal, corners[faces[f][0]])),
+    middle: /** @type {Vector} */ (
+      [0, 1, 2].map((c) => corners.reduce((sum, corner) => sum + corner[c], 0) / corners.length)
+    ),
+    points: corners.map(() => /** @type {[number, number]} */ ([0, 0])),
+    around: corners.map(() => /** @type {[number, number]} */ ([0, 0])),
+  }));
+  const radius = Math.max(...parts.flatMap((part) => part.corners.map((v) => Math.hypot(...v))));
+  prepared = { of: outlined, parts, radius };
+  return prepared;
+}
+
 /**
- * @param {Drawn} drawn
+ * @param {Drawn} drawnOutline
  * @param {SketchFrame} frame
  */
-function draw(
-  { modules, corners, faces, normals, neighbours, rods, full, table, field_of_view_rad: angle },
-  frame,
-) {
+function draw(drawnOutline, frame) {
+  const { full, table, field_of_view_rad: angle } = drawnOutline;
   const { positions, wxyzs, colours, eye, target } = frame;
   const { width, height } = paper;
   pen.lineJoin = "round";
@@ -225,12 +251,10 @@ function draw(
     return depth;
   };
   if (table && eye[2] > table.height) slab(table, see, [eye, out]);
-  const radius = Math.max(...corners.map((corner) => Math.hypot(...corner)));
+  const { parts, radius } = partsOf(drawnOutline);
   const drawn = piecesOf({
-    modules,
-    faces,
-    neighbours,
-    rods,
+    outline: drawnOutline,
+    parts,
     frame,
     see,
     zoom,
@@ -241,9 +265,6 @@ function draw(
   shadow(drawn, frame, see, width, height);
   drawn.sort((a, b) => b.far - a.far);
 
-  const reach = normals.map((normal, f) => dot(normal, corners[faces[f][0]]));
-  const points = corners.map(() => /** @type {[number, number]} */ ([0, 0]));
-  const around = corners.map(() => /** @type {[number, number]} */ ([0, 0]));
   const fill = (
     /** @type {number[]} */ face,
     /** @type {[number, number][]} */ at,
@@ -259,7 +280,8 @@ function draw(
     pen.stroke();
   };
   const r = new Float64Array(9);
-  for (const { i, count, hidden } of drawn) {
+  for (const { i, part, count, hidden } of drawn) {
+    const { corners, faces, normals, reach, points, around } = parts[part];
     const [x, y, z] = [positions[3 * i], positions[3 * i + 1], positions[3 * i + 2]];
     turn(wxyzs, i, r);
     // The eye in the frame of the module determines the visible faces.
@@ -377,11 +399,13 @@ function inFront(points, eye, out) {
 // Return the visible pieces: single modules, and runs of `many` small modules of the straight tail.
 // `hidden` has a bit for each face that a neighbour covers.
 /**
- * @param {Pick<Drawn, "modules" | "faces" | "neighbours" | "rods"> & { frame: SketchFrame,
- *   see: See, zoom: number, radius: number, width: number, height: number }} drawn
+ * @param {{ outline: Drawn, parts: Part[], frame: SketchFrame, see: See, zoom: number,
+ *   radius: number, width: number, height: number }} drawn
  */
-function piecesOf({ modules, faces, neighbours, rods, frame, see, zoom, radius, width, height }) {
+function piecesOf({ outline: outlined, parts, frame, see, zoom, radius, width, height }) {
+  const { modules, pattern, pieces: ranges, neighbours, rods } = outlined;
   const { positions, colours, core } = frame;
+  const [{ faces }] = parts; // the only part if there are neighbours
   // A straight run looks like one long module.
   const rod = rods ? Math.min(frame.rod, modules) : modules;
   const all = 2 ** faces.length - 1;
@@ -419,7 +443,13 @@ function piecesOf({ modules, faces, neighbours, rods, frame, see, zoom, radius, 
       )
         next++;
     }
-    pieces.push({ i, count: next - i, hidden, far: farOf(frame, (i + next - 1) >> 1) });
+    const [first, end] = ranges[pattern[i % pattern.length]];
+    const count = next - i;
+    if (end - first === 1)
+      pieces.push({ i, part: first, count, hidden, far: farOf(frame, (i + next - 1) >> 1) });
+    else
+      for (let part = first; part < end; part++)
+        pieces.push({ i, part, count, hidden, far: farOfPart(frame, i, parts[part].middle) });
   }
   return pieces;
 }
@@ -430,6 +460,22 @@ function piecesOf({ modules, faces, neighbours, rods, frame, see, zoom, radius, 
  */
 const farOf = ({ positions, eye }, i) =>
   Math.hypot(...[0, 1, 2].map((c) => positions[3 * i + c] - eye[c]));
+
+// Distance of the eye from a point of a module.
+/**
+ * @param {SketchFrame} frame
+ * @param {number} i
+ * @param {Vector} point
+ */
+function farOfPart({ positions, wxyzs, eye }, i, point) {
+  turn(wxyzs, i, farTurn);
+  return Math.hypot(
+    ...[0, 1, 2].map(
+      (c) => positions[3 * i + c] + dot(farTurn.subarray(3 * c, 3 * c + 3), point) - eye[c],
+    ),
+  );
+}
+const farTurn = new Float64Array(9);
 
 /**
  * @param {Uint8Array} colours

@@ -1,6 +1,7 @@
 // The 3D scene of a fold, which receives poses, colours and a camera for each frame.
 import { Scene, cameraTo, linear, update, visibility } from "./scene.js";
 import { buriedBy } from "../player/kinematics.js";
+import { membersOf, quaternionOf, times, turned, valuesOf } from "./camera.js";
 import { floorUnder, tableColours } from "./sketch.js";
 
 const SINK_S = 0.05;
@@ -37,6 +38,8 @@ export class Stage extends Scene {
     /** @type {Int32Array | null} */
     this.buried = null;
     this.detached = false;
+    /** @type {[piece: number, members: number[]][]} */
+    this.members = []; // the modules of each node
     /** @type {((shown: Snapshot) => Floats | null) | null} */
     this.pressed = null; // returns the contact forces on the table, if they are displayed
     addEventListener("themechange", () => this.dress());
@@ -60,6 +63,7 @@ export class Stage extends Scene {
     this.ground = table ? table.height * this.pitch : null;
     this.latest = null;
     this.sent = null;
+    this.members = membersOf(bundle.header.chain);
     this.buried = bundle.neighbours
       ? buriedBy(bundle.neighbours, bundle.header.chain.modules)
       : null;
@@ -95,10 +99,7 @@ export class Stage extends Scene {
   draw(snapshot, colours, eye) {
     this.latest = [snapshot, colours, eye];
     if (!this.open) return;
-    const messages = [
-      update("/modules", this.modules(snapshot, colours)),
-      update("/ends", this.ends(snapshot)),
-    ];
+    const messages = [...this.modules(snapshot, colours), update("/ends", this.ends(snapshot))];
     if (this.detached) messages.push(...this.seen.map((name) => visibility(name, true)));
     this.detached = false;
     if (this.through) messages.push(update("/path", { points: this.path(snapshot) }));
@@ -126,7 +127,12 @@ export class Stage extends Scene {
 
   // Nodes that are expensive to draw.
   get seen() {
-    return this.table ? ["/modules", "/table"] : ["/modules", "/ground"];
+    return [...this.nodesOfPieces, this.table ? "/table" : "/ground"];
+  }
+
+  // Nodes of the modules: one for each kind of piece.
+  get nodesOfPieces() {
+    return this.bundle?.header.nodes ?? [];
   }
 
   // Return messages for the discs under the modules on the table, in the colours of the modules.
@@ -154,14 +160,18 @@ export class Stage extends Scene {
    * @param {Uint8Array} colours
    */
   modules(snapshot, colours) {
-    /** @type {Record<string, Floats | Uint8Array>} */
-    const updates = { batched_positions: this.positions(snapshot), batched_wxyzs: snapshot.wxyzs };
+    const positions = this.positions(snapshot);
     const { sent } = this;
-    if (!sent || colours.some((byte, k) => byte !== sent[k])) {
-      updates.batched_colors = colours.map((byte) => linear[byte]);
-      this.sent = colours;
-    }
-    return updates;
+    const recoloured = !sent || colours.some((byte, k) => byte !== sent[k]);
+    const bytes = recoloured ? colours.map((byte) => linear[byte]) : null;
+    this.sent = colours;
+    return this.members.map(([, members], k) =>
+      update(this.nodesOfPieces[k], {
+        batched_positions: valuesOf(positions, members, 3),
+        batched_wxyzs: valuesOf(snapshot.wxyzs, members, 4),
+        ...(bytes && { batched_colors: valuesOf(bytes, members, 3) }),
+      }),
+    );
   }
 
   // Return the positions of the modules. Buried ones are moved
@@ -180,11 +190,13 @@ export class Stage extends Scene {
     this.through = on;
     if (!this.open || !this.bundle) return;
     this.apply([
-      update("/modules", {
-        opacity: on ? SEEN_THROUGH : null,
-        cast_shadow: !on,
-        receive_shadow: !on,
-      }),
+      ...this.nodesOfPieces.map((name) =>
+        update(name, {
+          opacity: on ? SEEN_THROUGH : null,
+          cast_shadow: !on,
+          receive_shadow: !on,
+        }),
+      ),
       visibility("/path", on),
     ]);
     if (this.latest) this.draw(...this.latest);
@@ -212,20 +224,15 @@ export class Stage extends Scene {
   // Return the poses of the studs on the free faces of the first and the last module.
   /** @param {Poses} poses */
   ends({ positions, wxyzs }) {
-    const { shown_size: size, reach } = /** @type {Bundle} */ (this.bundle).header;
+    const { ends } = /** @type {Bundle} */ (this.bundle).header;
     const n = positions.length / 3;
     const at = new Float32Array(6);
     const turn = new Float32Array(8);
-    [
-      [0, -1],
-      [n - 1, 1],
-    ].forEach(([i, side], k) => {
-      const [w, x, y, z] = wxyzs.subarray(4 * i, 4 * i + 4);
-      const ahead = [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)];
-      for (let c = 0; c < 3; c++)
-        at[3 * k + c] = (positions[3 * i + c] + side * size * reach * ahead[c]) * this.pitch;
-      // A half turn about z points the first stud backwards.
-      turn.set(side < 0 ? [-z, y, -x, w] : [w, x, y, z], 4 * k);
+    [0, n - 1].forEach((i, k) => {
+      const q = quaternionOf(wxyzs, i);
+      const way = turned(q, ends[k].at);
+      for (let c = 0; c < 3; c++) at[3 * k + c] = (positions[3 * i + c] + way[c]) * this.pitch;
+      turn.set(times(q, ends[k].wxyz), 4 * k);
     });
     return { batched_positions: at, batched_wxyzs: turn };
   }
