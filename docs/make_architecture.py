@@ -27,7 +27,7 @@ LAYERS: Final = (
     ("planner.clearance", "planner.readers"),
     ("planner.statics",),
     ("planner.pathfinding", "planner.playback", "planner.turns"),
-    ("planner.table_paths",),
+    ("planner.table_paths", "planner.reachability"),
     ("planner.path_fit",),
     ("planner.explosion.loop", "planner.certificate"),
     ("planner.explosion.peeling",),

@@ -62,7 +62,11 @@ from foldback.planner.core.structures import (
     SweptCells,
     TetrahedronScratch,
     Tolerance,
+    TurningChain,
     TurningGaps,
+    TurnSearch,
+    TurnSearchResult,
+    TurnTable,
     WindowBody,
     WindowSteps,
 )
@@ -1284,3 +1288,57 @@ def snake_cube_paths(
     Returns:
         (m, k, n) paths, True if there are no further ones, number of steps, and choices.
     """
+
+SIZE_TOLERANCE: Final[float]
+"""Maximum amount by which the size of a turn may be above the true one."""
+MIN_TURN_SIZE: Final[float]
+"""Size below which sizes of turns are not told apart."""
+
+class JointTurns:
+    """Turns of the hinges of a chain, each by its own step, and their sizes.
+
+    The *size* of a turn is the largest size of the modules, each scaled about its centre and at
+    most 1, at which the turn is free: no two modules share inner points on the way. What is
+    known of pairs of poses is kept.
+    """
+
+    def __init__(self, chain: TurningChain) -> None:
+        """Prepare the turns of a chain."""
+
+    def resting_size(self, levels: Levels) -> tuple[float, int, int]:
+        """Return the largest size at which a state is free, and the modules that limit it.
+
+        Args:
+            levels: (J,) levels of the state: angles in steps.
+
+        Returns:
+            The size, at most 1, and two modules, −1 where the size is 1.
+        """
+
+    def turn_size(self, levels: Levels, hinge: int, change: int) -> tuple[float, int, int, float]:
+        """Return the size of a turn of a hinge by −1 or 1 step.
+
+        Returns:
+            The size, which is at most ``SIZE_TOLERANCE`` above the true one; the module at rest and
+            the module that turns which limit it; and the share of the turn at which they do.
+        """
+
+    def motion_size(
+        self, levels: Levels, hinges: Ints, changes: Ints
+    ) -> tuple[float, int, int, float]:
+        """Return the size of turns of (T,) hinges by −1 or 1 step each at the same time.
+
+        Returns:
+            As ``turn_size``.
+        """
+
+    def search(self, start: Levels, goal: Levels, limits: TurnSearch) -> TurnSearchResult:
+        """Search for turns from a state to a goal.
+
+        Args:
+            start, goal: (J,) levels; those of hinges that turn freely are from 0 on.
+            limits: What is tried first, and where the search ends.
+        """
+
+    def turn_table(self, states: Levels, size: float) -> TurnTable:
+        """Return what each turn of each of (S, J) states leads to at a size of the modules."""

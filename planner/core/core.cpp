@@ -12,6 +12,7 @@ void bind_cube_turns(nanobind::module_ &);
 void bind_floating_torques(nanobind::module_ &);
 void bind_folded_core(nanobind::module_ &);
 void bind_free_bodies(nanobind::module_ &);
+void bind_joint_turns(nanobind::module_ &);
 void bind_kinematics(nanobind::module_ &);
 void bind_knots(nanobind::module_ &);
 void bind_lattice_counts(nanobind::module_ &);
@@ -49,6 +50,7 @@ NB_MODULE(_core, m) {
   foldback::bind_floating_torques(m);
   foldback::bind_folded_core(m);
   foldback::bind_free_bodies(m);
+  foldback::bind_joint_turns(m);
   foldback::bind_kinematics(m);
   foldback::bind_knots(m);
   foldback::bind_lattice_counts(m);

@@ -1129,3 +1129,95 @@ class TetrahedronScratch(NamedTuple):
     cells: Ints
     modules: NDArray[np.int32]
     contacts: Ints
+
+
+class TurningChain(NamedTuple):
+    """A chain as the search for turns by the hinges' own steps sees it; lengths are in pitches.
+
+    Attributes:
+        anchor: (N - 1, 3) centre of the joint behind each module but the last, in its frame.
+        axes: (J, 3) axis of each hinge, in the frame of the hinge before it in its joint.
+        turn: (N - 1, 3, 3) fixed rotation of each link, after its hinges.
+        offset: (N - 1, 3) centre of the next module seen from the joint, in its own frame.
+        hinge_of: (N,) first hinge of each link; the last entry is the number of hinges.
+        steps: (J,) angle of a step of each hinge, rad.
+        levels: (J, 2) smallest and largest angle of each hinge, in steps.
+        period: (J,) number of steps of a full turn of each hinge, 0 where it cannot turn so far.
+        hull: Of the modules.
+        apart: Modules fewer links apart are not checked.
+    """
+
+    anchor: Array
+    axes: Array
+    turn: Array
+    offset: Array
+    hinge_of: Ints
+    steps: Array
+    levels: Ints
+    period: Ints
+    hull: Hull
+    apart: int
+
+
+class TurnSearch(NamedTuple):
+    """What a search for turns tries first, and where it ends.
+
+    Attributes:
+        size: Size of the modules at first, at most 1.
+        min_size: Size to which it is reduced if need be.
+        depth_weight: Weight of a turn made in the score of a state; one that is left counts 1.
+        near_weight: Weight of a pair of modules near each other.
+        together: Maximum number of hinges that turn at once where no single one leads on, 1 to 3.
+        max_states: Number of states after which the search stops.
+        max_motions: Number of motions of several hinges after which it stops.
+        seed: Seed of the order of states with the same score.
+    """
+
+    size: float
+    min_size: float
+    depth_weight: float
+    near_weight: float
+    together: int
+    max_states: int
+    max_motions: int
+    seed: int
+
+
+class TurnSearchResult(NamedTuple):
+    """Result of a search for turns.
+
+    Attributes:
+        outcome: 0 if the goal was reached, 1 if every state that can be reached was tried, 2 if the
+            search stopped before.
+        way: (T + 1, J) states to the goal, or to the one with the fewest turns left.
+        states: (S, J) all states if every one was tried, else none.
+        count: Number of states that can be reached, as far as they were tried.
+        tried: Number of turns that were tried.
+        motions: Number of motions of several hinges at once that were tried.
+        size: Size at which all turns of the way are free.
+        next_size: Largest size of a turn that was not free; 0 for none.
+    """
+
+    outcome: int
+    way: Levels
+    states: Levels
+    count: int
+    tried: int
+    motions: int
+    size: float
+    next_size: float
+
+
+class TurnTable(NamedTuple):
+    """What each turn of each of some states leads to.
+
+    Attributes:
+        next: (S, J, 2) number of the state after a turn of each hinge by −1 and by 1 step; −1 if
+            modules meet on the way, −2 beyond a stop, −3 if the state is not among them.
+        modules: (S, J, 2, 2) the two modules that meet.
+        places: (S, J, 2) how much of the turn is made where they lie deepest in each other, 0 to 1.
+    """
+
+    next: Int32s
+    modules: NDArray[np.int16]
+    places: Array

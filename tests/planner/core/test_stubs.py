@@ -20,7 +20,7 @@ def compiled_functions() -> dict[str, list[str]]:
     """Return the names of arguments of all functions in the compiled module, by function."""
     signatures = {}
     for name, function in vars(_core).items():
-        if callable(function) and not name.startswith("__"):
+        if callable(function) and not name.startswith("__") and not isinstance(function, type):
             ((signature, *_),) = function.__nb_signature__
             signatures[name] = re.findall(r"(\w+): ", signature)
     return signatures
@@ -28,6 +28,20 @@ def compiled_functions() -> dict[str, list[str]]:
 
 def test_stubs_and_compiled_module_have_the_same_functions() -> None:
     assert described_functions() == compiled_functions()
+
+
+def test_stubs_and_compiled_module_have_the_same_classes() -> None:
+    described = {
+        node.name: {f.name for f in node.body if isinstance(f, ast.FunctionDef)} - {"__init__"}
+        for node in STUBS.body
+        if isinstance(node, ast.ClassDef)
+    }
+    compiled = {
+        name: {method for method in vars(value) if not method.startswith("__")}
+        for name, value in vars(_core).items()
+        if isinstance(value, type)
+    }
+    assert described == compiled
 
 
 def test_stubs_and_compiled_module_have_the_same_constants() -> None:

@@ -18,7 +18,11 @@ from foldback.planner import core
 
 SHAPES = Path(__file__).parents[3] / "examples" / "shapes"
 FOLDED = ("wrench-24",)
-FUNCTIONS = sorted(name for name in core.__all__ if callable(getattr(core, name)))
+FUNCTIONS = sorted(
+    name
+    for name in core.__all__
+    if callable(getattr(core, name)) and not isinstance(getattr(core, name), type)
+)
 
 
 def record_calls() -> dict[str, tuple[Any, ...]]:
