@@ -1,5 +1,6 @@
 """Waiting: the remaining time of a fold; cancelled uploads and movies."""
 
+import json
 import re
 
 import pytest
@@ -7,6 +8,7 @@ from playwright.sync_api import expect
 
 from tests.browser.conftest import WIDTH, Visit, choose, keep_as_mine, open_tab, wait_until
 from tests.browser.test_accessibility import findings
+from tests.planner.chain.test_module_checks import RANGE, changed, document
 from tests.server.service_process import Service, owner
 
 SLOW = {"offline": False, "latency": 0, "downloadThroughput": -1, "uploadThroughput": 80_000}
@@ -45,6 +47,18 @@ def test_upload_shows_progress_and_is_stopped(visit: Visit, service: Service) ->
     expect(sending).to_have_count(0)
     wait_until(page, lambda: not any(service.data_dir.glob("uploads/*/*")))
     network.detach()
+
+
+def test_module_file_is_checked_and_offered(visit: Visit) -> None:
+    page = visit("/", view=False)
+    message, offer = page.locator("#drop-message"), page.locator("#drop-offer")
+    page.evaluate(DROP, [json.dumps(changed((RANGE, None))), "free.json"])
+    expect(message).to_contain_text("collide at 9")
+    expect(offer).to_be_hidden()
+    page.evaluate(DROP, [json.dumps(document()), "slab.json"])
+    expect(message).to_contain_text("no faults")
+    expect(message).to_have_attribute("data-tone", "")
+    expect(offer).to_have_text("Show the module")
 
 
 @pytest.mark.long

@@ -25,6 +25,11 @@ const uploading = later(
   (text) => say(text, "bad"),
 );
 const NO_PATH = "repeated-cell"; // a code of the API
+const NO_ANGLES = "module-alone"; // as well
+const owning = later(
+  async () => new (await import("../lib/own_module.js")).OwnModule(),
+  (text) => say(text, "bad"),
+);
 
 /**
  * @param {string} text
@@ -74,12 +79,21 @@ async function start(fields, label) {
   if (resting && !leaving) player.send({ do: "play" });
 }
 
+// Send files: one, or a module file and a chain file.
+/** @param {File[]} files */
+const sendAll = (files) =>
+  owning(async (own) => {
+    const file = await own.join(files);
+    if (file) await send(file);
+    else say("One file at a time, please, or a module file with a chain file.", "bad");
+  });
+
 // Send a file. Paths and chains without knots are folded at once; other files open a preview.
 /** @param {File} file */
-const send = (file, asVoxels = false) =>
+const send = (file, { asVoxels = false, isShown = false } = {}) =>
   uploading(async ({ sending, upload, STOPPED, Refusal, formOf, ownKey }) => {
     say(`Reading ${file.name}…`);
-    offer(null);
+    offer();
     const form = formOf({ file, full: false, quick: true, as_voxels: asVoxels || null });
     try {
       /** @type {Api.Preview} */
@@ -88,7 +102,7 @@ const send = (file, asVoxels = false) =>
       );
       const straight =
         (report.kind === "path" || report.kind === "chain") && report.knot?.verdict !== "knotted";
-      if (straight) await start({ preview: report.id }, file.name);
+      if (straight && !isShown) await start({ preview: report.id }, file.name);
       else {
         const query = new URLSearchParams({
           ...(asVoxels && { as_voxels: "true" }),
@@ -98,9 +112,15 @@ const send = (file, asVoxels = false) =>
       }
     } catch (error) {
       const words = wordsOf(error);
-      if (words !== STOPPED) say(words, "bad");
+      const isModule = error instanceof Refusal && error.code === NO_ANGLES;
+      if (words !== STOPPED) say(words, isModule ? "" : "bad");
       else if (!sending.control) say(STOPPED); // unless another file replaced it
-      if (error instanceof Refusal && error.code === NO_PATH) offer(file);
+      if (error instanceof Refusal && error.code === NO_PATH)
+        offer("Read the file as a shape", () => send(file, { asVoxels: true }));
+      if (isModule)
+        offer("Show the module", () =>
+          owning((own) => send(own.straight(), { isShown: true })),
+        );
     }
   });
 
@@ -122,20 +142,23 @@ get("angles").addEventListener("keydown", (event) => {
   }
 });
 
-/** @param {File | null} file */
-function offer(file) {
-  const button = get("drop-voxels");
-  button.hidden = !file;
-  button.onclick = () => {
-    if (file) send(file, true);
-  };
+// Show a button below the message, or none without an action.
+/**
+ * @param {string} text
+ * @param {(() => void) | null} action
+ */
+function offer(text = "", action = null) {
+  const button = get("drop-offer");
+  button.hidden = !action;
+  button.textContent = text;
+  button.onclick = action;
 }
 
 follow(get("preset"));
 drop.addEventListener("submit", (event) => event.preventDefault());
 get("file").addEventListener("change", () => {
-  const [file] = get("file").files ?? [];
-  if (file) send(file);
+  const files = [...(get("file").files ?? [])];
+  if (files.length) sendAll(files);
   get("file").value = "";
 });
 addEventListener("dragover", (event) => {
@@ -147,9 +170,8 @@ addEventListener("pointermove", () => drop.classList.remove("over"));
 addEventListener("drop", (event) => {
   event.preventDefault();
   drop.classList.remove("over");
-  const files = event.dataTransfer?.files ?? [];
-  if (files.length > 1) say("One file at a time, please.", "bad");
-  else if (files[0]) send(files[0]);
+  const files = [...(event.dataTransfer?.files ?? [])];
+  if (files.length) sendAll(files);
 });
 for (const card of /** @type {NodeListOf<HTMLElement>} */ (
   document.querySelectorAll("[data-shape]")
