@@ -36,20 +36,23 @@ def clearance_rounding(chain: Chain, motion: Motion, module_size: float) -> floa
         motion: The motion.
         module_size: Module size as a fraction of the pitch.
     """
-    module, count, u = chain.module, len(chain), UNIT_ROUNDOFF
+    module, joint, count, u = chain.module, chain.module.joint, len(chain), UNIT_ROUNDOFF
     hinges = module.hinges_per_joint
-    angle = (10.0 * module.angle_limit_rad + 8.0) * u
-    parts = np.concatenate([module.axes.ravel(), module.turn.ravel()])
-    is_exact = bool(np.isin(parts, (-1.0, 0.0, 1.0)).all())
+    angle = (10.0 * module.largest_angle_rad + 8.0) * u
+    rotations = np.concatenate([joint.axes.ravel(), joint.turn.ravel()])
+    is_exact = bool(np.isin(rotations, (-1.0, 0.0, 1.0)).all())
+    halves = 2.0 * np.concatenate([joint.anchor, joint.offset])
+    is_tail_exact = is_exact and bool((halves == np.rint(halves)).all())
     link = hinges * math.sqrt(2.0) * (2.0 * angle + 3.0 * u)
     link += (not is_exact) * (hinges + 1) * 40.0 * u
-    links = 2.0 * link + 48.0 * u
-    length = float(np.linalg.norm(module.anchor) + np.linalg.norm(module.offset))
+    poses = 3.0 if motion.is_windowed and not is_tail_exact else 2.0  # the third of the tail
+    links = poses * (link + 24.0 * u)
+    lengths = np.linalg.norm(joint.anchor, axis=1) + np.linalg.norm(joint.offset, axis=1)
+    length = float(lengths.max())
     thickness = 2.0 * module.radius * module_size
     reach = length * count + thickness
     bound = reach * (count * links + 256.0 * u)
-    halves = 2.0 * np.append(module.anchor, module.offset)
-    if motion.is_windowed and is_exact and (halves == np.rint(halves)).all():
+    if motion.is_windowed and is_tail_exact:
         folded = forward_kinematics(module, chain.folded_rad).positions
         extent = length + float(np.linalg.norm(np.ptp(folded, axis=0)))  # D
         batch = 2 * _max_moving_links(chain, motion) + 1

@@ -165,7 +165,10 @@ def test_modules_behind_a_window_follow_their_pattern(
         low, high = batch.boxes()
         root = foldback_check.relative(middle[batch.c], middle)[:, 0]
         assert ((low[:, 0] <= root) & (root <= high[:, 0])).all()
-    assert foldback_check.check(path)["verdict"] == by_script(path)["verdict"]
+    result, other = foldback_check.check(path), by_script(path)
+    assert result["verdict"] == other["verdict"]
+    assert result["looks"] == pytest.approx(other["pairs"], rel=0.05)
+    assert result["tightest"]["gap"] == pytest.approx(other["tightest"]["gap"], rel=0.1)
 
 
 def away(corners: list[list[float]]) -> list[float]:

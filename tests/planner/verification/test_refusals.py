@@ -11,6 +11,7 @@ import pytest
 
 from foldback import foldback_check, foldback_check_refusals
 from foldback.planner.certificate.certificate import certify
+from foldback.planner.chain.built_in_modules import module_named
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import Poses, forward_kinematics
 from foldback.planner.explosion.diagnosis import diagnose
@@ -23,6 +24,7 @@ from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.pathfinding.knots import closed_polygons
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.plan.claim import geometry_of
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.shape_writers import write_chain
 from foldback.planner.verification.block_evidence import overlap
@@ -140,6 +142,23 @@ def test_blocked_hinges_and_group_are_confirmed(jam: FilePath) -> None:
     assert verdict_found["verdict"] == "refusal confirmed", verdict_found
     assert verdict_found["size"] == 0.98
     assert "hinges" in verdict_found["because"] and "any axis" in verdict_found["because"]
+
+
+@pytest.mark.parametrize("name", ["cube", "tetrahedron", "snake-prism", "snake-cube"])
+def test_modules_block_each_other_only_if_all_axes_are_known(name: str) -> None:
+    values = geometry_of(module_named(name))
+    form = foldback_check.FORMATS["pieces" in values]
+    described = foldback_check.geometry(values, form)
+    part = described["pieces"][0][0]
+    require_all_sides = foldback_check_refusals.require_all_sides
+    require_all_sides(foldback_check.Module(described, 0.95))
+    for directions in ("faces", "edges"):
+        whole = part[directions]
+        for k in range(len(whole)):
+            part[directions] = np.delete(whole, k, axis=0)
+            with pytest.raises(foldback_check.NotProved, match="axes are not known"):
+                require_all_sides(foldback_check.Module(described, 0.95))
+        part[directions] = whole
 
 
 def swap(evidence: Values, name: str, **values: Any) -> None:
