@@ -167,8 +167,8 @@ def test_modules_behind_a_window_follow_their_pattern(
         assert ((low[:, 0] <= root) & (root <= high[:, 0])).all()
     result, other = foldback_check.check(path), by_script(path)
     assert result["verdict"] == other["verdict"]
-    assert result["looks"] == pytest.approx(other["pairs"], rel=0.05)
-    assert result["tightest"]["gap"] == pytest.approx(other["tightest"]["gap"], rel=0.1)
+    assert result["looks"] == other["pairs"]
+    assert result["tightest"]["gap"] == pytest.approx(other["tightest"]["gap"], abs=1e-9)
 
 
 def away(corners: list[list[float]]) -> list[float]:
