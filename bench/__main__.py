@@ -25,6 +25,7 @@ from bench.peeling import peeling
 from bench.plan_files import plan_files
 from bench.portfolio import portfolio
 from bench.refolds import refolds
+from bench.robots import robots
 from bench.scaling import scaling
 from bench.sections import write_sections
 from bench.service.browser_check import browser_check
@@ -68,6 +69,7 @@ SECTIONS = {
     "portfolio": portfolio,
     "refolds": refolds,
     "mujoco-robot": mujoco_robot,
+    "robots": robots,
     "calm": calm,
     "hard": hard_paths,
     "sweeps": sweeps,

@@ -28,9 +28,7 @@ MODULE_LINE: Final = (
 )
 
 
-@takes(
-    lines={"module": f"{MODULE_LINE} Or a module file, for INPUT with joint angles or --angles."}
-)
+@takes(lines={"module": MODULE_LINE})
 def fold(
     *,
     out: PlanDirectory,

@@ -37,7 +37,7 @@ def read_input(
         return _read_input(shape, angles)
     from foldback.planner.readers.own_module import built_in_or_file, chain_of_angles, with_module
 
-    own = built_in_or_file(module, _bytes_of(Path(module)) if Path(module).exists() else None)
+    own = built_in_or_file(module, bytes_of(Path(module)) if Path(module).exists() else None)
     if angles is not None and shape is None:
         return chain_of_angles(angles, own), "typed.json"
     data, name = _read_input(shape, angles)
@@ -54,11 +54,15 @@ def _read_input(shape: str | None, angles: str | None) -> tuple[bytes, str]:
     path = Path(shape)
     if not path.exists() and (example := Gallery().shape(shape)) is not None:
         return example.data, example.filename
-    return _bytes_of(path), path.name
+    return bytes_of(path), path.name
 
 
-def _bytes_of(path: Path) -> bytes:
-    """Return the bytes of a file."""
+def bytes_of(path: Path) -> bytes:
+    """Return the bytes of a file.
+
+    Raises:
+        InputError: If it cannot be read, or is too large.
+    """
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
             raise InputError(

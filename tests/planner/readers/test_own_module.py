@@ -1,12 +1,14 @@
 """Modules of one's own: files alone, with a chain file, and with typed angles."""
 
 import json
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import Module
 from foldback.planner.errors import InputError
 from foldback.planner.readers import read
 from foldback.planner.readers.own_module import (
@@ -53,21 +55,22 @@ def test_typed_angles_and_module_file_make_a_chain() -> None:
     assert isinstance(cubes, Chain) and len(cubes) == 4
 
 
-@pytest.mark.parametrize(
-    ("action", "message"),
-    [
-        (lambda slab: with_module(file_of({**CHAIN, "module": "cube"}), slab), "\"cube\".*'slab'"),
-        (lambda slab: with_module(b"[[0, 0, 0], [1, 0, 0]]", slab), "got none.*foldback-chain/1"),
-        (lambda slab: with_module(file_of(document()), slab), "expected.*foldback-chain/1"),
-        (lambda slab: chain_of_angles("30 bent", slab), "'bent' after 1 angles"),
-        (lambda _: chain_of_angles("0 90 0", built_in_or_file("cube", None)), "multiple of 2"),
-        (lambda _: built_in_or_file("slab", None), "expected a module file, or one of: cube"),
-        (lambda _: read_module_file(file_of(CHAIN)), "expected.*foldback-module/1"),
-        (lambda _: read_module_file(b'{"format": 1, "format": 2}'), "more than once"),
-        (lambda _: read_module_file(b"\x00\x01"), "."),
-    ],
-)
-def test_refusals(action: Any, message: str) -> None:
+Action = Callable[[Module], object]
+REFUSALS: list[tuple[Action, str]] = [
+    (lambda slab: with_module(file_of({**CHAIN, "module": "cube"}), slab), "\"cube\".*'slab'"),
+    (lambda slab: with_module(b"[[0, 0, 0], [1, 0, 0]]", slab), "got none.*foldback-chain/1"),
+    (lambda slab: with_module(file_of(document()), slab), "expected.*foldback-chain/1"),
+    (lambda slab: chain_of_angles("30 bent", slab), "'bent' after 1 angles"),
+    (lambda _: chain_of_angles("0 90 0", built_in_or_file("cube", None)), "multiple of 2"),
+    (lambda _: built_in_or_file("slab", None), "expected a module file, or one of: cube"),
+    (lambda _: read_module_file(file_of(CHAIN)), "expected.*foldback-module/1"),
+    (lambda _: read_module_file(b'{"format": 1, "format": 2}'), "more than once"),
+    (lambda _: read_module_file(b"\x00\x01"), "."),
+]
+
+
+@pytest.mark.parametrize(("action", "message"), REFUSALS)
+def test_refusals(action: Action, message: str) -> None:
     slab = read_module_file(file_of(document()))
     with pytest.raises(InputError, match=message):
         action(slab)
