@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from itertools import product
 from typing import Final
 
 import numpy as np
@@ -13,6 +12,7 @@ from bench.sections import Section
 from foldback.planner.arrays import Ints
 from foldback.planner.pathfinding.exact_search import exact_path
 from foldback.planner.pathfinding.snake_cubes import (
+    box_cells,
     corners_of,
     find_common_sequence,
     find_sequence,
@@ -41,7 +41,7 @@ def snake_cubes(reference_seconds: float) -> Section:
     _add_corners(section)
     for first, second in PAIRS:
         started = time.process_time()
-        search = find_common_sequence((box(*first), box(*second)))
+        search = find_common_sequence((box_cells(first), box_cells(second)))
         is_solved = len(search.paths) > 0
         section.add(
             f"one sequence for {first} and {second}",
@@ -51,11 +51,6 @@ def snake_cubes(reference_seconds: float) -> Section:
         )
         section.rows.append({"solids": [first, second], "solved": is_solved, "steps": search.steps})
     return section
-
-
-def box(*sides: int) -> Ints:
-    """Return the cells of a box."""
-    return np.array(list(product(*map(range, sides))), dtype=np.int64)
 
 
 def count_sequences(cells: Ints, paths: Ints) -> dict[str, int]:
@@ -89,7 +84,7 @@ def count_sequences(cells: Ints, paths: Ints) -> dict[str, int]:
 
 
 def _add_counts(section: Section, reference_seconds: float) -> None:
-    cells = box(3, 3, 3)
+    cells = box_cells((3, 3, 3))
     started = time.process_time()
     search = find_sequence(cells, max_solutions=200_000)
     counts = count_sequences(cells, search.paths[:, 0])
@@ -107,7 +102,7 @@ def _add_counts(section: Section, reference_seconds: float) -> None:
 
 def _add_known(section: Section) -> None:
     for puzzle in known_snake_cubes():
-        search = fold_sequence(puzzle.sequence, box(*[puzzle.side] * 3))
+        search = fold_sequence(puzzle.sequence, box_cells((puzzle.side, puzzle.side, puzzle.side)))
         is_same = search.is_complete and len(search.paths) == puzzle.solutions
         section.add(
             f"{puzzle.names[0]}, solutions", str(len(search.paths)), str(puzzle.solutions), is_same
@@ -123,7 +118,7 @@ def _add_known(section: Section) -> None:
 
 
 def _add_random(section: Section, reference_seconds: float) -> None:
-    cells = box(4, 4, 4)
+    cells = box_cells((4, 4, 4))
     steps, seconds = [], []
     for seed in range(RANDOM_CUBES):
         path = exact_path(Shape.from_cells(cells), seed=seed, eased=False).cells
@@ -155,7 +150,7 @@ def _add_corners(section: Section) -> None:
     """Add the numbers of corners with which a sequence fills 3³, each proved."""
     possible, is_complete = [], True
     for corners in range(26):
-        search = find_sequence(box(3, 3, 3), corners)
+        search = find_sequence(box_cells((3, 3, 3)), corners)
         is_complete &= search.is_complete or len(search.paths) > 0
         if len(search.paths):
             possible.append(corners)

@@ -22,6 +22,7 @@ from foldback.planner.plan.rests import rest_frames
 from foldback.planner.storage.file_names import PLAN
 from foldback.planner.storage.files import write_whole
 from foldback.planner.storage.output_directory import replacing_listed
+from foldback.planner.twist_chains.folded_chains import has_code
 
 
 def export(
@@ -43,7 +44,9 @@ def export(
         selected = None if formats is None else _chosen(formats)
         plan = read_plan(directory)
         exports = selected or exports_of(
-            moving=len(plan.time_s) > 0, resting=bool(rest_frames(plan.playback))
+            moving=len(plan.time_s) > 0,
+            resting=bool(rest_frames(plan.playback)),
+            coded=has_code(plan.chain.module),
         )
         _check_directory(out, directory)
         with replacing_listed(out, sha256((directory / PLAN).read_bytes()).hexdigest()) as place:

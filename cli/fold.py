@@ -12,6 +12,7 @@ from foldback.cli.inputs import read_input, refuse
 from foldback.cli.options import AsJson, PlanDirectory, Workers, takes
 from foldback.cli.progress_bars import compute
 from foldback.cli.summary import finish, show_choice
+from foldback.cli.typed_codes import Snake, SnakeCube
 from foldback.planner.errors import InputError
 from foldback.planner.parameters.option import options_of
 from foldback.planner.pathfinding.path_options import table_warning
@@ -47,6 +48,8 @@ def fold(
             "module file: angles in degrees, such as '0 90 -45'."
         ),
     ] = None,
+    snake: Snake = None,
+    snake_cube: SnakeCube = None,
     request: FoldRequest,
     own_module: str | None = None,
     workers: Workers = None,
@@ -57,7 +60,7 @@ def fold(
     Exits with 0 if the plan is verified, with 3 if it is not, and with 2 if the input is bad.
     """
     try:
-        data, filename = read_input(shape, angles, own_module)
+        data, filename = read_input(shape, angles, own_module, snake=snake, snake_cube=snake_cube)
         with replacing_fold(out) as place:
             Workspace(place).write_request(replace(request, filename=filename), data)
             read = run_stage(STAGES[0], place)

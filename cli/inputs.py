@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 
 from foldback.cli.exit_statuses import INVALID_INPUT
+from foldback.cli.typed_codes import typed_snake, typed_snake_cube
 from foldback.planner.errors import InputError
 from foldback.planner.readers.angle_strings import HEADING
 from foldback.planner.readers.gallery import Gallery
@@ -21,18 +22,37 @@ if TYPE_CHECKING:
 
 
 def read_input(
-    shape: str | None, angles: str | None = None, module: str | None = None
+    shape: str | None,
+    angles: str | None = None,
+    module: str | None = None,
+    *,
+    snake: str | None = None,
+    snake_cube: str | None = None,
 ) -> tuple[bytes, str]:
-    """Return the bytes and name of a file, of the example of that name, or of typed angles.
+    """Return the bytes and name of a file, of the example of that name, or of typed text.
 
     Args:
         shape: File, or name of an example.
         angles: Instead of it, angles of the hinges.
         module: Module file, or name of a module, of a chain that has none; None for others.
+        snake: Instead of it, code or name of a figure of a Rubik's snake.
+        snake_cube: Instead of it, pieces or name of a snake cube.
 
     Raises:
-        InputError: If neither or both are given, or a file is too large or cannot be used.
+        InputError: If none or several are given, or a file is too large or cannot be used.
     """
+    typed = {"--angles": angles, "--snake": snake, "--snake-cube": snake_cube}
+    names = [name for name, value in {"INPUT": shape, **typed}.items() if value is not None]
+    if len(names) != 1:
+        raise InputError(
+            "no-input",
+            f"got {' and '.join(names) or 'nothing to fold'}, expected one of INPUT, "
+            f"{', '.join(typed)}.",
+        )
+    if snake is not None:
+        return typed_snake(snake)
+    if snake_cube is not None:
+        return typed_snake_cube(snake_cube)
     if module is None:
         return _read_input(shape, angles)
     from foldback.planner.readers.own_module import built_in_or_file, chain_of_angles, with_module
@@ -46,9 +66,6 @@ def read_input(
 
 def _read_input(shape: str | None, angles: str | None) -> tuple[bytes, str]:
     """Return the bytes and name of an input whose modules are not given apart from it."""
-    if (shape is None) == (angles is None):
-        input_words = "neither INPUT nor" if shape is None else "both INPUT and"
-        raise InputError("no-input", f"got {input_words} --angles, expected one of the two.")
     if shape is None:
         return f"{HEADING}\n{angles}".encode(), "typed.txt"
     path = Path(shape)

@@ -23,6 +23,7 @@ from foldback.planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
 from foldback.planner.plan.shape_writers import write_chain, write_path
 from foldback.planner.shapes.shape import MAX_CELLS
 from foldback.planner.storage.files import write_whole
+from foldback.planner.twist_chains.cube_sequence import CubeSequence
 from foldback.words.likeness import likeness_words, reach_words
 
 if TYPE_CHECKING:
@@ -99,7 +100,7 @@ def offers_for(data: bytes, filename: str, request: FoldRequest) -> list[Offer]:
     if options.world != "table":
         return []
     contents = read(data, filename=filename, as_voxels=options.as_voxels)
-    if isinstance(contents, Chain | CellPath):
+    if isinstance(contents, Chain | CellPath | CubeSequence):
         return []
     return list(table_offers(contents, options, seed=request.seed % PATH_SEED_MODULUS))
 

@@ -39,6 +39,7 @@ class Export:
         write: Makes the file; ``InputError`` when the plan lacks what it needs.
         moving: True if it shows the motion, so that a plan without frames has none.
         resting: True if it shows steps, so that a plan that does not rest between steps has none.
+        coded: True if it is of snakes and snake cubes, so that other plans have none.
         shared: True if other files refer to it, so that it must keep its name.
         package: Package of the extra ``exports`` that it needs, as it is imported; None if none.
     """
@@ -51,6 +52,7 @@ class Export:
     write: Write
     moving: bool = False
     resting: bool = False
+    coded: bool = False
     shared: bool = False
     package: str | None = None
 

@@ -65,6 +65,15 @@ EXPORTS: Final = (
         resting=True,
     ),
     Export(
+        name="code",
+        label="Code",
+        hint="Text: the figure of a Rubik's snake or the pieces of a snake cube, in all notations",
+        media_type="text/plain; charset=utf-8",
+        filename="code.txt",
+        write=_by("code_text"),
+        coded=True,
+    ),
+    Export(
         name="leaflet",
         label="Leaflet, A4",
         hint="PDF with drawings of all steps, for folding by hand; readable in black and white",
@@ -162,17 +171,21 @@ EXPORTS: Final = (
 """All file formats in which a plan can be exported, in the order in which they are offered."""
 
 
-def exports_of(*, moving: bool, resting: bool) -> tuple[Export, ...]:
+def exports_of(*, moving: bool, resting: bool, coded: bool = False) -> tuple[Export, ...]:
     """Return the exports of a plan whose packages are installed.
 
     Args:
         moving: True to include those that show its motion.
         resting: True to include those that show its steps.
+        coded: True to include those of snakes and snake cubes.
     """
     return tuple(
         export
         for export in EXPORTS
-        if export.is_available and (moving or not export.moving) and (resting or not export.resting)
+        if export.is_available
+        and (moving or not export.moving)
+        and (resting or not export.resting)
+        and (coded or not export.coded)
     )
 
 

@@ -13,11 +13,13 @@ from typing import Final
 import numpy as np
 
 from foldback.planner.arrays import Flags, Ints
+from foldback.planner.chain.chain import Chain
 from foldback.planner.core import snake_cube_paths
 from foldback.planner.errors import InputError
 from foldback.planner.pathfinding.lattice import colours, neighbours
 from foldback.planner.progress import Cancelled, never
 from foldback.planner.twist_chains.cube_sequence import CubeSequence
+from foldback.planner.twist_chains.folded_chains import cube_chain
 
 MAX_PIECES: Final = 1000
 """Maximum number of pieces of a snake cube that is solved."""
@@ -30,6 +32,11 @@ SLICE_STEPS: Final = 1_000_000
 FIRST_ATTEMPT_STEPS: Final = 50_000
 """Steps of the shortest attempts at one solution. Each attempt numbers the cells in another random
 order, and every second one begins with the last piece."""
+MAX_BOX_CHAINS: Final = 12
+"""Maximum number of solutions of a snake cube that are tried in a fold."""
+MAX_SMALL_PIECES: Final = 36
+"""Maximum number of pieces of which several solutions are searched, which takes less than a second
+for a box."""
 LATTICE_SYMMETRIES: Final = tuple(
     np.array(
         [[sign * (axis == k) for k in range(3)] for axis, sign in zip(axes, signs, strict=True)]
@@ -159,6 +166,55 @@ def corners_of(paths: Ints) -> Flags:
     corners = np.zeros(paths.shape[:-1], dtype=np.bool_)
     corners[..., 1:-1] = (np.diff(paths, n=2, axis=-2) != 0).any(axis=-1)
     return corners
+
+
+def box_cells(sides: tuple[int, int, int]) -> Ints:
+    """Return the (n, 3) cells of a box."""
+    return np.array(list(product(*map(range, sides))), dtype=np.int64)
+
+
+def boxes_of(count: int) -> tuple[tuple[int, int, int], ...]:
+    """Return the sides of all boxes of so many cells, the one closest to a cube first."""
+    boxes = [
+        (a, b, count // (a * b))
+        for a in range(1, round(count ** (1 / 3)) + 1)
+        for b in range(a, count // a + 1)
+        if count % (a * b) == 0 and b <= count // (a * b)
+    ]
+    return tuple(sorted(boxes, key=sum))
+
+
+def box_chains(sequence: CubeSequence, *, seed: int = 0) -> tuple[Chain, ...]:
+    """Return snake cubes that are folded into a box: a cube if there is one of so many cells.
+
+    Several solutions are returned if the pieces are few.
+
+    Raises:
+        InputError: ``no-folding`` if the pieces fill no box, or if no way was found.
+    """
+    whole = True
+    for sides in boxes_of(len(sequence)):
+        search = fold_sequence(
+            sequence,
+            box_cells(sides),
+            max_solutions=MAX_BOX_CHAINS if len(sequence) <= MAX_SMALL_PIECES else 1,
+            seed=seed,
+        )
+        if len(search.paths):
+            name = f"Snake cube {' × '.join(map(str, sides))}"
+            return tuple(cube_chain(path, name=name) for path in search.paths[:, 0])
+        whole &= search.is_complete
+    if whole:
+        raise InputError(
+            "no-folding",
+            f"these {len(sequence)} pieces cannot be folded into a box: all ways were tried; check "
+            "the sequence, or name another solid with 'foldback solve'.",
+        )
+    raise InputError(
+        "no-folding",
+        f"no way was found to fold these {len(sequence)} pieces into a box, but not all were "
+        "tried; use another random seed.",
+    )
 
 
 def symmetries_of(cells: Ints) -> Ints:

@@ -18,11 +18,13 @@ from foldback.planner.pathfinding.knots import Knot, knot_of
 from foldback.planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
 from foldback.planner.pathfinding.path_reasons import PathReason, sentences
 from foldback.planner.pathfinding.snake import is_box
+from foldback.planner.pathfinding.snake_cubes import box_chains
 from foldback.planner.pathfinding.start_cell import starting_at
 from foldback.planner.plan.prepared_chains import PreparedChains
 from foldback.planner.readers import read
 from foldback.planner.shapes.likeness import Likeness
 from foldback.planner.shapes.shape import MAX_CELLS, Shape
+from foldback.planner.twist_chains.cube_sequence import CubeSequence
 
 # What reads meshes and fills cells is imported for those: a path or a chain needs none of it.
 if TYPE_CHECKING:
@@ -325,7 +327,7 @@ def _listed(vertices: Array, faces: Ints) -> dict[str, Any]:
     return {"vertices": rows.tolist(), "faces": faces.tolist()}
 
 
-Subject: TypeAlias = "Path | Chain | Shape | Solid"
+Subject: TypeAlias = "Path | Chain | Shape | Solid | CubeSequence"
 """What is in a file, and is folded."""
 
 
@@ -384,6 +386,9 @@ def prepare_subject(
     Raises:
         InputError: When the content cannot be used, or a wish cannot be wished for.
     """
+    if isinstance(shape, CubeSequence):
+        chains = box_chains(shape, seed=seed)
+        return replace(prepare_subject(chains[0], options), chains=chains)
     if isinstance(shape, Chain):
         if options.world == "table":
             check_for_table(shape)

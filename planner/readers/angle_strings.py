@@ -77,8 +77,9 @@ def refuse_digits(text: str) -> None:
     if (has_columns or run) and all(map(_TURN_NUMBER.fullmatch, words)):
         raise InputError(
             "digits",
-            f"got {quote(first.strip())!r}: digits other than 0 are not angles; for each hinge, "
-            "use 0 (straight), + or - (bent).",
+            f"got {quote(first.strip())!r}: such numbers are not angles; for each hinge of "
+            "tetrahedra, use 0 (straight), + or - (bent); for each joint of a Rubik's snake, use a "
+            "digit from 0 to 3.",
         )
 
 

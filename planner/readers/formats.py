@@ -34,16 +34,20 @@ from foldback.planner.readers.refused_formats import refuse_other_kinds, unknown
 from foldback.planner.readers.stl import is_binary, is_stl, read_stl
 from foldback.planner.readers.text import decode, refuse_binary, refuse_prose, to_utf8
 from foldback.planner.readers.threemf import is_zip, read_threemf
+from foldback.planner.readers.twist_codes import is_twist_code, read_twist_code
 from foldback.planner.readers.vox import is_vox, read_vox
 from foldback.planner.readers.xyz import is_xyz, read_xyz
 from foldback.planner.shapes.shape import Shape
 from foldback.planner.shapes.solid import Solid
 from foldback.planner.storage.files import MAX_FILE_BYTES
+from foldback.planner.twist_chains.cube_sequence import CubeSequence
+from foldback.planner.twist_chains.figures import names_of
+from foldback.planner.twist_chains.folded_chains import snake_chain
 
 READABLE_FORMATS: Final = (
     "a mesh (STL, OBJ, PLY, OFF, GLB, glTF, 3MF), voxels (.vox, .binvox, .npy, "
     "foldback-voxels/1), or the cells or angles of a chain (foldback-path/1 or foldback-chain/1 "
-    "JSON, a JSON list, CSV, XYZ, .npy, a string of angles like 0 - - +)"
+    "JSON, a JSON list, CSV, XYZ, .npy, signs like 0 - - +, a snake's code)"
 )
 
 MESH_SUFFIXES: Final = (".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf")
@@ -80,7 +84,7 @@ def read(
     max_cells: int = MAX_CELLS,
     max_triangles: int = MAX_TRIANGLES,
     max_bytes: int = MAX_FILE_BYTES,
-) -> Path | Chain | Shape | Solid:
+) -> Path | Chain | Shape | Solid | CubeSequence:
     """Read a path, chain, shape or solid from a file.
 
     Args:
@@ -92,8 +96,9 @@ def read(
         max_bytes: Maximum file size, bytes.
 
     Returns:
-        A ``Path`` for lists of cells, a ``Chain`` for ``foldback-chain/1``, a ``Shape`` for voxels,
-        a ``Solid`` for meshes.
+        A ``Path`` for lists of cells, a ``Chain`` for ``foldback-chain/1`` and codes of Rubik's
+        snakes, a ``Shape`` for voxels, a ``Solid`` for meshes, a ``CubeSequence`` for the pieces of
+        a snake cube.
 
     Raises:
         InputError: The content cannot be read; says what was found and expected, and what to do.
@@ -115,7 +120,7 @@ def _read(
     max_cells: int,
     max_triangles: int,
     max_bytes: int,
-) -> Path | Chain | Shape | Solid:
+) -> Path | Chain | Shape | Solid | CubeSequence:
     source = Source(
         name=clean_name(_stem(filename)),
         max_cells=max_cells,
@@ -148,6 +153,8 @@ def _read(
         return read_json(text, source)
     if is_angle_string(text):
         return read_angle_string(text, name=source.name or "chain", most_modules=max_cells)
+    if is_twist_code(text):
+        return _read_twist_code(text, source)
     refuse_digits(text)
     refuse_prose(text, READABLE_FORMATS)
     if is_csv(text):
@@ -155,6 +162,14 @@ def _read(
     if is_xyz(text):
         return read_xyz(text, source)
     raise unknown_kind(text, READABLE_FORMATS)
+
+
+def _read_twist_code(text: str, source: Source) -> Chain | CubeSequence:
+    code = read_twist_code(text, max_modules=source.max_cells)
+    if isinstance(code, CubeSequence):
+        return code
+    name = source.name or next(iter(names_of(code)), "snake")
+    return snake_chain(code, name=name)
 
 
 def _looks_like_gltf(data: bytes) -> bool:

@@ -61,12 +61,15 @@ _SEPARATORS: Final = re.compile(r"[\s,;|–—-]+")
 _SPACED: Final = re.compile(r"[^\S\n]+|[,;|]")
 
 
-def read_twist_code(text: str, family: Family | None = None) -> SnakeCode | CubeSequence:
+def read_twist_code(
+    text: str, family: Family | None = None, *, max_modules: int = MAX_CELLS
+) -> SnakeCode | CubeSequence:
     """Read a code of a Rubik's snake or a sequence of a snake cube.
 
     Args:
         text: The code, with or without the name of its notation before a colon.
         family: Read only notations of snakes, or only those of snake cubes; None for both.
+        max_modules: Maximum number of prisms or cubes.
 
     Returns:
         The code of a figure in which no prisms overlap, or the sequence of pieces.
@@ -74,7 +77,7 @@ def read_twist_code(text: str, family: Family | None = None) -> SnakeCode | Cube
     Raises:
         InputError: ``ambiguous-code`` if several notations fit; ``bad-code`` if none does, or the
             named one does not; ``closing-digit`` if the digit in brackets does not fit the figure;
-            ``overlap`` with the numbers of two prisms that lie in one another.
+            ``overlap`` with the numbers of two prisms that lie in one another; ``too-many-cells``.
     """
     if len(text) > MAX_CODE_CHARACTERS:
         raise too_many(len(text), MAX_CODE_CHARACTERS, "characters")
@@ -97,9 +100,18 @@ def read_twist_code(text: str, family: Family | None = None) -> SnakeCode | Cube
             f"got {quote(body.strip())!r}, which can be read in several ways; write before it the "
             f"name of the notation: {', '.join(f'{name}:' for name in fitting)}.",
         )
-    if fitting[0] in CUBE_NOTATIONS:
-        return _read_sequence(body, fitting[0])
-    return _read_snake(body, fitting[0], prisms)
+    notation = fitting[0]
+    if notation in CUBE_NOTATIONS:
+        sequence = _read_sequence(body, notation)
+        if len(sequence) > max_modules:
+            raise too_many(len(sequence), max_modules, "modules")
+        return sequence
+    reader = _read_wolter if notation == "wolter" else _read_characters
+    code = reader(body, notation, prisms)
+    if code.prisms > max_modules:
+        raise too_many(code.prisms, max_modules, "modules")
+    check_overlap(code)
+    return code
 
 
 def is_twist_code(text: str) -> bool:
@@ -228,21 +240,12 @@ def _without_closing(text: str) -> tuple[str, str | None]:
     return (_compact(text), None) if match is None else (_compact(match[1]), match[2])
 
 
-def _read_snake(text: str, notation: str, prisms: int | None) -> SnakeCode:
-    """Return the code of a figure; the digit that closes it is checked, and left out.
+def _read_characters(text: str, notation: str, prisms: int | None) -> SnakeCode:
+    """Return the code of digits or letters; the one that closes it is checked, and left out.
 
     Raises:
-        InputError: As ``read_twist_code``.
+        InputError: ``bad-code``, ``wrong-count`` or ``closing-digit``.
     """
-    if notation == "wolter":
-        code = _read_wolter(text, prisms)
-    else:
-        code = _read_characters(text, notation, prisms)
-    check_overlap(code)
-    return code
-
-
-def _read_characters(text: str, notation: str, prisms: int | None) -> SnakeCode:
     body, closing = _without_closing(_short_words(text) if notation == "glsnake" else text)
     letters = LETTERS.get(notation, "0123")
     for place, character in enumerate(body.upper()):
@@ -253,8 +256,6 @@ def _read_characters(text: str, notation: str, prisms: int | None) -> SnakeCode:
                 f"{letters[1]}, {letters[2]} and {letters[3]} in the notation {notation!r}.",
             )
     digits = tuple(letters.index(character) for character in body.upper())
-    if len(digits) > MAX_CELLS:
-        raise too_many(len(digits) + 1, MAX_CELLS, "modules")
     if closing is None and (prisms == len(digits) or prisms is None and _is_snake(len(digits))):
         digits = digits[:-1]
     code = SnakeCode(digits)
@@ -293,16 +294,16 @@ def _is_snake(prisms: int) -> bool:
     return prisms >= MIN_SNAKE_PRISMS and prisms % SNAKE_STEP == 0
 
 
-def _read_wolter(text: str, prisms: int | None) -> SnakeCode:
+def _read_wolter(text: str, notation: str, prisms: int | None) -> SnakeCode:
     """Return the code of a list of turned joints, such as ``2L1-2R3``; all others are straight.
 
     Raises:
-        InputError: ``bad-code``, ``wrong-count``.
+        InputError: ``bad-code``, or ``too-many-cells``.
     """
     if not _WOLTER.fullmatch(text.strip()):
         raise InputError(
             "bad-code",
-            f"got {quote(text.strip())!r}, expected joints as {EXAMPLES['wolter']!r}: the number "
+            f"got {quote(text.strip())!r}, expected joints as {EXAMPLES[notation]!r}: the number "
             "of the prism, the side L or R, and 0 to 3 quarter turns.",
         )
     steps = [(int(n), side.upper(), int(turn)) for n, side, turn in _WOLTER_STEP.findall(text)]
@@ -347,8 +348,6 @@ def _read_sequence(text: str, notation: str) -> CubeSequence:
         straight, corner = ("0", "1") if notation == "cube" else ("SE", "C")
         if not body or set(body) - set(straight + corner):
             raise _bad_sequence(text, notation)
-        if len(body) > MAX_CELLS:
-            raise too_many(len(body), MAX_CELLS, "modules")
         return CubeSequence(tuple(character in corner for character in body))
     if not (numbers := _numbers(text)) or min(_legs(numbers, notation)) < 1:
         raise _bad_sequence(text, notation)

@@ -26,6 +26,8 @@ PRISM_CORNERS: Final = np.array(
     [(x, y, z) for x, y in ((-1, -1), (1, -1), (-1, 1)) for z in (-1, 1)], dtype=np.int64
 )
 """(6, 3) corners of a prism in its frame, in halves of a pitch."""
+ENTRY: Final = np.array([-0.5, 0.0, 0.0])
+"""(3,) centre of the face through which the chain enters a prism, in its frame, in pitches."""
 _SLANT: Final = np.array([1, 1, 0], dtype=np.int64)
 """Normal of the slanted face in the prism's frame, out of the prism."""
 _NEXT: Final = np.array([[0, -1, 0], [-1, 0, 0], [0, 0, -1]], dtype=np.int64)

@@ -22,6 +22,7 @@ from foldback.planner.storage.file_names import (
     RECORD,
     TIMELINE,
 )
+from foldback.planner.twist_chains.folded_chains import is_coded
 from foldback.planner.verification.integrity import check
 from foldback.server.context import Context, Here
 from foldback.server.dependencies.described_answers import file_or_problems, problems
@@ -152,7 +153,11 @@ def _frames(timeline: Timeline, start: int, until: int, stride: int, *, poses: b
 def get_exports(fold_id: str, context: Here) -> ExportList:
     """List the downloadable files for other programs, ordered as on the fold's page."""
     row = _finished(context, fold_id)
-    exports = exports_of(moving=has_motion(row.summary), resting=step_count(row.summary) > 0)
+    exports = exports_of(
+        moving=has_motion(row.summary),
+        resting=step_count(row.summary) > 0,
+        coded=is_coded(row.module),
+    )
     return ExportList(exports=[ExportBody.of(fold_id, export) for export in exports])
 
 

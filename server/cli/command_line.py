@@ -31,6 +31,7 @@ COMMANDS: Final = {
     "smooth": "Make a motion shorter and smoother without reducing its clearance.",
     "shape": "Find a path through a shape.",
     "module": "Check a module for faults, or read a module out of a URDF file.",
+    "solve": "Solve a snake cube, or find pieces that fill a solid.",
     "verify": "Recheck a plan's files and figures; replay the plan in the simulator MuJoCo.",
     "play": "Show a fold in the browser.",
     "export": "Export a finished fold as URDF, MCAP, an animated scene and more.",

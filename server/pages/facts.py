@@ -25,6 +25,7 @@ from foldback.planner.pipeline.request import MAX_SEED, FoldRequest
 from foldback.planner.smoothing import MAX_SMOOTHED_ANGLES
 from foldback.planner.storage.file_names import ATTEMPTS, CERTIFICATE, CHAIN, PLAN, RECORD, TIMELINE
 from foldback.planner.storage.files import json_of
+from foldback.planner.twist_chains.folded_chains import is_coded
 from foldback.planner.verification.integrity import damaged_among
 from foldback.server.errors import MOTION_FILES, damage_words
 from foldback.server.pages.table_check import ruled_out_on_table
@@ -237,7 +238,11 @@ def _downloads(row: ShownFold, summary: FoldSummary) -> list[Download]:
     """Return the formats in which the plan of a fold can be downloaded."""
     return [
         {"label": export.label, "hint": export.hint, "href": export_href(row.id, export)}
-        for export in exports_of(moving=has_motion(summary), resting=step_count(summary) > 0)
+        for export in exports_of(
+            moving=has_motion(summary),
+            resting=step_count(summary) > 0,
+            coded=is_coded(row.module),
+        )
     ]
 
 

@@ -16,13 +16,15 @@ from numpy.typing import NDArray
 
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.path import Path as CellPath
-from foldback.planner.pipeline.request import FoldRequest, PreviewRequest
+from foldback.planner.pathfinding.snake_cubes import box_chains
+from foldback.planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest, PreviewRequest
 from foldback.planner.playback.unfolding import check_fits
 from foldback.planner.readers import read
 from foldback.planner.shapes.shape import Shape
 from foldback.planner.shapes.solid import Solid
 from foldback.planner.storage.file_names import START_PLAN
 from foldback.planner.storage.files import write_sealed_json
+from foldback.planner.twist_chains.cube_sequence import CubeSequence
 from foldback.server.processes.scratch import READ_CONTENT, request_in
 
 MAX_DRAWN_CELLS: Final = 4000
@@ -44,6 +46,8 @@ def check(directory: Path) -> dict[str, Any]:
     data = (directory / "input").read_bytes()
     contents = read(data, filename=request.filename, as_voxels=request.as_voxels)
     begins = _begins(directory) if request.refold else None
+    if isinstance(contents, CubeSequence):
+        contents = box_chains(contents, seed=request.seed % PATH_SEED_MODULUS)[0]
     if isinstance(contents, CellPath) and request.kind.follows_paths:
         contents = Chain.from_path(contents)
     if isinstance(contents, Chain):
@@ -153,7 +157,7 @@ def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
     data = (directory.parent / "input").read_bytes()
     contents = read(data, filename=about["filename"], as_voxels=request.as_voxels)
     offered: list[dict[str, Any]] = []
-    if not isinstance(contents, Chain | CellPath):
+    if not isinstance(contents, Chain | CellPath | CubeSequence):
         search = table_offers(
             contents,
             request.path_options(),

@@ -28,7 +28,7 @@ def main(out: Path) -> None:
         program = [sys.executable, "-m", "foldback.server.cli.command_line", *command]
         subprocess.run([*program, "--out", str(directory)], check=True)
         plan = Plan.load(directory / "plan.npz")
-        for export in EXPORTS:
+        for export in (export for export in EXPORTS if not export.coded):
             (directory / export.filename).write_bytes(export.write(plan))
         chain = plan.chain
         frames = np.linspace(0, len(plan.time_s) - 1, FRAMES).round().astype(int)

@@ -1,6 +1,6 @@
 """Foldings of snake cubes: known cubes, published counts, symmetries, interruptions."""
 
-from itertools import pairwise, product
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,6 +9,7 @@ from bench.snake_cubes import PUBLISHED, count_sequences
 from foldback.planner.arrays import Ints
 from foldback.planner.pathfinding.snake_cubes import (
     MAX_PIECES,
+    box_cells,
     find_common_sequence,
     find_sequence,
     fold_sequence,
@@ -18,10 +19,6 @@ from foldback.planner.twist_chains.cube_sequence import CubeSequence, sequence_o
 from foldback.planner.twist_chains.figures import known_snake_cubes
 from tests.case import case
 from tests.refusal import refused
-
-
-def box(*sides: int) -> Ints:
-    return np.array(list(product(*map(range, sides))), dtype=np.int64)
 
 
 def check(path: Ints, cells: Ints, sequence: CubeSequence) -> None:
@@ -34,7 +31,7 @@ def check(path: Ints, cells: Ints, sequence: CubeSequence) -> None:
 
 
 def test_known_cubes_have_the_published_numbers_of_solutions() -> None:
-    cells = box(3, 3, 3)
+    cells = box_cells((3, 3, 3))
     for puzzle in known_snake_cubes():
         for sequence in (puzzle.sequence, puzzle.sequence.from_other_end()):
             with case(puzzle.names):
@@ -46,7 +43,7 @@ def test_known_cubes_have_the_published_numbers_of_solutions() -> None:
 
 
 def test_sequences_of_a_cube_are_as_many_as_published() -> None:
-    cells = box(3, 3, 3)
+    cells = box_cells((3, 3, 3))
     search = find_sequence(cells, max_solutions=200_000)
     assert search.is_complete
     assert count_sequences(cells, search.paths[:, 0]) == PUBLISHED
@@ -70,9 +67,9 @@ def test_solutions_are_all_paths_up_to_symmetries() -> None:
         return paths
 
     for cells in (
-        box(2, 2, 3),
-        box(3, 3, 1),
-        np.array([*box(2, 2, 2), (2, 0, 0), (2, 1, 0), (3, 1, 0)]),
+        box_cells((2, 2, 3)),
+        box_cells((3, 3, 1)),
+        np.array([*box_cells((2, 2, 2)), (2, 0, 0), (2, 1, 0), (3, 1, 0)]),
     ):
         with case(len(cells)):
             symmetries = symmetries_of(cells)
@@ -87,10 +84,10 @@ def test_solutions_are_all_paths_up_to_symmetries() -> None:
 
 def test_symmetries() -> None:
     for cells, count in (
-        (box(3, 3, 3), 48),
-        (box(2, 3, 4), 8),
-        (box(3, 1, 1), 2),
-        (box(1, 1, 1), 1),
+        (box_cells((3, 3, 3)), 48),
+        (box_cells((2, 3, 4)), 8),
+        (box_cells((3, 1, 1)), 2),
+        (box_cells((1, 1, 1)), 1),
     ):
         with case(count):
             symmetries = symmetries_of(cells)
@@ -99,7 +96,7 @@ def test_symmetries() -> None:
 
 
 def test_a_search_can_be_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
-    cells, sequence = box(3, 3, 3), known_snake_cubes()[1].sequence
+    cells, sequence = box_cells((3, 3, 3)), known_snake_cubes()[1].sequence
     whole = fold_sequence(sequence, cells)
     monkeypatch.setattr("foldback.planner.pathfinding.snake_cubes.SLICE_STEPS", 100)
     sliced = fold_sequence(sequence, cells)
@@ -114,7 +111,7 @@ def test_a_search_can_be_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_one_solution_of_a_large_cube() -> None:
-    cells = box(4, 4, 4)
+    cells = box_cells((4, 4, 4))
     bits = "0111110111010011001001001100101011011011111110011111111101111110"
     sequence = CubeSequence(tuple(bit == "1" for bit in bits))
     search = fold_sequence(sequence, cells, max_solutions=1, max_steps=1_000_000)
@@ -125,25 +122,25 @@ def test_one_solution_of_a_large_cube() -> None:
 
 
 def test_sequences_with_so_many_corners() -> None:
-    cells = box(3, 3, 3)
+    cells = box_cells((3, 3, 3))
     search = find_sequence(cells, 20)
     assert search.sequences[0].corner_count == 20
     check(search.paths[0, 0], cells, search.sequences[0])
-    none = find_sequence(box(2, 3, 3), 5)
+    none = find_sequence(box_cells((2, 3, 3)), 5)
     assert (none.is_complete, len(none.paths)) == (True, 0)
     with refused("wrong-count"):
         find_sequence(cells, 26)
 
 
 def test_one_sequence_for_two_solids() -> None:
-    solids = (box(3, 3, 3), box(1, 3, 9))
+    solids = (box_cells((3, 3, 3)), box_cells((1, 3, 9)))
     search = find_common_sequence(solids)
     for k, cells in enumerate(solids):
         check(search.paths[0, k], cells, search.sequences[0])
-    none = find_common_sequence((box(2, 2, 2), box(1, 1, 8)))
+    none = find_common_sequence((box_cells((2, 2, 2)), box_cells((1, 1, 8))))
     assert (none.is_complete, len(none.paths)) == (True, 0)
     with refused("wrong-count"):
-        find_common_sequence((box(2, 2, 2), box(3, 3, 1)))
+        find_common_sequence((box_cells((2, 2, 2)), box_cells((3, 3, 1))))
 
 
 def test_solids_that_no_path_fills() -> None:
@@ -153,6 +150,6 @@ def test_solids_that_no_path_fills() -> None:
         search = find_sequence(cells)
         assert (search.is_complete, len(search.paths)) == (True, 0)
     with refused("wrong-count"):
-        fold_sequence(sequence_of_legs((2, 2)), box(3, 3, 3))
+        fold_sequence(sequence_of_legs((2, 2)), box_cells((3, 3, 3)))
     with refused("too-many-cells"):
-        find_sequence(box(MAX_PIECES + 1, 1, 1))
+        find_sequence(box_cells((MAX_PIECES + 1, 1, 1)))

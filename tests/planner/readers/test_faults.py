@@ -262,7 +262,6 @@ REFUSED = [
             ("d09_unknown_required.glb", "unsupported", "XYZ_some_geometry"),
             ("h06_prob_uint8.npy", "not-voxels", "grid > 0.5"),
             ("k10_angles_rad.json", "radians", "look like radians"),
-            ("k11_snake_digits.txt", "digits", "digits other than 0 are not angles"),
         )
     ),
     *(
@@ -300,7 +299,6 @@ REFUSED = [
     ),
     (npy(np.full((2, 2, 2), np.nan)), "not-voxels", ""),
     # Files with too little information.
-    (b"0123012301", "digits", ""),
     (b"0, 90, -90.0, 180, 0, 90", "digits", ""),
     (TETRAHEDRON + b"f 1 2 x\n", "damaged", ""),
 ]

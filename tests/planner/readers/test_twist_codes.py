@@ -1,10 +1,13 @@
 """Codes of Rubik's snakes and snake cubes: notations, ambiguous texts and other pitfalls."""
 
 import random
+from pathlib import Path
 
 import pytest
 
+from foldback.planner.chain.chain import Chain
 from foldback.planner.errors import InputError
+from foldback.planner.readers import read
 from foldback.planner.readers.twist_codes import (
     CUBE_NOTATIONS,
     EXAMPLES,
@@ -225,3 +228,24 @@ def test_no_text_breaks_the_reader() -> None:
         read_twist_code("legs: 999999, 999999")
     with refused("too-many-cells"):
         read_twist_code("999999R1")
+
+
+def test_files_with_codes() -> None:
+    for data, prisms in (
+        ((Path(__file__).parent / "data" / "k11_snake_digits.txt").read_bytes(), 11),
+        (BALL.encode(), 24),
+        (b"\xef\xbb\xbfDLUR\r\nDLURD", 10),
+        (b"wolter: 2L1", 24),
+    ):
+        with case(data):
+            snake_chain = read(data)
+            assert isinstance(snake_chain, Chain)
+            assert (snake_chain.module.name, len(snake_chain)) == ("snake-prism", prisms)
+    named = read(BALL.encode())
+    assert isinstance(named, Chain)
+    assert named.name == "Ball"
+    assert read(b"cube: " + WOODEN.encode()) == read_twist_code(WOODEN, "snake-cube")
+    with refused("ambiguous-code"):
+        read(WOODEN.encode())
+    with refused("too-many-cells"):
+        read(b"digits: 0000000000", max_cells=10)

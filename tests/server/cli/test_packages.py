@@ -35,6 +35,7 @@ PLANNER_COMMANDS = (
     "refold wrench path.json --out both",
     "servos --torque 3 --pitch-mm 40 --material pla",
     "settings",
+    "solve 3,2,2,3,2,3,2,2,3,3,2,2,2,3,3,3,3",
 )
 """Commands that need no extra, with arguments; each runs in the directory of the one before."""
 NOT_INSTALLED = (".d.ts", ".cpp", ".hpp", "CMakeLists.txt")
