@@ -13,8 +13,11 @@ from rich.table import Table
 
 from foldback.cli.exit_statuses import NOT_ACHIEVED
 from foldback.planner.certificate.figures import FoldSummary
-from foldback.planner.chain.built_in_modules import module_named
+from foldback.planner.chain.built_in_modules import module_of
 from foldback.planner.parameters.parameters import TURN_STRATEGIES
+from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.storage.file_names import CHAIN
+from foldback.planner.storage.files import json_of
 from foldback.words import certificate as certificate_words
 from foldback.words.failures import timeline_reader
 from foldback.words.likeness import likeness_words
@@ -88,7 +91,8 @@ def show(summary: dict[str, Any], out: Path) -> None:
         row(sentence(name), value)
     row("Written to", str(out))
     console.print(table)
-    limit = module_named(summary["module"]).angle_limit_rad
+    chain = json_of(result_path(out, CHAIN))
+    limit = module_of(chain.get("module", summary["module"])).angle_limit_rad
     for note in (
         certificate_words.linked(certificate),
         certificate_words.record(certificate, limit_rad=limit),

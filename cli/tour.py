@@ -83,6 +83,7 @@ def facts_of(directory: Path) -> tuple[ShownFold, int, Moments | None]:
         status=summary["status"],
         modules=summary["modules"],
         module=summary["module"],
+        module_words=summary["module_words"],
         preset=plan.preset,
         seed=plan.seed,
         summary=summary,  # pyright: ignore[reportArgumentType]

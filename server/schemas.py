@@ -10,6 +10,7 @@ from typing import Any, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler
 from pydantic_core import CoreSchema
 
+from foldback.planner.chain.module import ModuleWords
 from foldback.planner.exports.export import Export
 from foldback.planner.parameters.parameters import World
 from foldback.planner.pathfinding import PATH_METHODS
@@ -191,6 +192,20 @@ class Fault(Body):
     where: str | None = None
 
 
+class ModuleWordsBody(Body):
+    """What people call a module."""
+
+    singular: str
+    """Of one module, for example `cube`."""
+    plural: str
+    """Of several, for example `cubes`."""
+
+    @classmethod
+    def of(cls, words: ModuleWords) -> ModuleWordsBody:
+        """Return the API's representation of words."""
+        return cls(singular=words.singular, plural=words.plural)
+
+
 class Fold(Body):
     """A fold."""
 
@@ -209,6 +224,8 @@ class Fold(Body):
     """True for a gallery fold, which everyone can see."""
     modules: int
     module: str
+    """Name of the module."""
+    module_words: ModuleWordsBody
     shape: str | None
     """Gallery shape of the fold, if any."""
     refold: str | None
@@ -237,10 +254,11 @@ class Fold(Body):
     def of(cls, row: FoldRow, store: Store, remaining: EtaEstimator) -> Fold:
         """Return the API's representation of a row."""
         values: dict[str, Any] = {name: getattr(row, name) for name in SHOWN_COLUMNS}
-        until = store.kept_until(row)
+        until, shown = store.kept_until(row), ShownFold.of(row)
         return cls(
             **values,
-            title=ShownFold.of(row).title,
+            title=shown.title,
+            module_words=ModuleWordsBody.of(shown.words),
             created_at=moment(row.created_at),
             expires_at=None if until is None else moment(until),
             progress=Progress.model_validate(progress_of(row, remaining)),
@@ -281,6 +299,8 @@ class OwnedPreview(Body):
     id: str
     title: str
     module: str
+    """Name of the module."""
+    module_words: ModuleWordsBody
     modules: int
     created_at: datetime
     expires_at: datetime
@@ -301,7 +321,7 @@ class Shape(Body):
     name: str
     title: str
     module: str
-    """`cube` or `tetrahedron`."""
+    """Name of the module."""
     modules: int
     tags: list[str]
     """Kinds of shape."""
@@ -423,7 +443,12 @@ class Preview(Body):
     """Key of the options."""
     kind: Literal["path", "chain", "voxels", "mesh"]
     name: str
-    module: Literal["cube", "tetrahedron"]
+    module: str
+    """Name of the module."""
+    module_words: ModuleWordsBody
+    follows_paths: bool
+    """True if a chain of these modules can follow each path through the cells of the cubic
+    lattice."""
     modules: int
     asked: int | None
     below: int | None
@@ -445,7 +470,8 @@ class Preview(Body):
     """Shares of the mesh's volume of separate bodies that are left out."""
     reach: list[Reach] = []
     """About how many modules it takes to be 60, 75 and 90 % like a mesh; empty where this is not
-    estimated (on a table, for tetrahedra, and if separate bodies are left out)."""
+    estimated: on a table, if the modules cannot follow each path, and if separate bodies are left
+    out."""
     pitch: float | None
     """Distance between module centres, in the solid's own units."""
     method: str

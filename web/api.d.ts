@@ -41,6 +41,7 @@ declare namespace Api {
     public: boolean;
     modules: number;
     module: string;
+    module_words: ModuleWordsBody;
     shape: string | null;
     refold: string | null;
     smooths: string | null;
@@ -103,6 +104,10 @@ declare namespace Api {
     model: string;
     exports: string;
   }
+  interface ModuleWordsBody {
+    singular: string;
+    plural: string;
+  }
   interface MovieBody {
     id: string;
     status: "queued" | "running" | "ready" | "failed";
@@ -139,6 +144,7 @@ declare namespace Api {
     id: string;
     title: string;
     module: string;
+    module_words: ModuleWordsBody;
     modules: number;
     created_at: string;
     expires_at: string;
@@ -157,7 +163,9 @@ declare namespace Api {
     key: string;
     kind: "path" | "chain" | "voxels" | "mesh";
     name: string;
-    module: "cube" | "tetrahedron";
+    module: string;
+    module_words: ModuleWordsBody;
+    follows_paths: boolean;
     modules: number;
     asked: number | null;
     below: number | null;

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, fields
 from typing import Any, Final
 
 from foldback.planner.certificate.figures import Fault, FoldSummary
-from foldback.planner.chain.built_in_modules import CUBE
+from foldback.planner.chain.built_in_modules import DEFAULT_MODULE, words_named
+from foldback.planner.chain.module import ModuleWords
 from foldback.planner.parameters.parameters import AUTO, FLOATING
 from foldback.planner.pipeline.preference import COMPUTING
 from foldback.planner.plan.rests import rest_frames
@@ -28,7 +29,8 @@ class ShownFold:
     preset: str
     seed: int
     stage: str | None = None
-    module: str = CUBE.name
+    module: str = DEFAULT_MODULE
+    module_words: dict[str, str] | None = None
     public: bool = False
     pinned: bool = False
     settings: str = ""
@@ -42,6 +44,16 @@ class ShownFold:
     summary: FoldSummary = field(default_factory=FoldSummary)
     error: Fault | None = None
     renamed: bool = False
+
+    @property
+    def words(self) -> ModuleWords:
+        """What its modules are called."""
+        return words_named(self.module, self.module_words)
+
+    @property
+    def counted(self) -> str:
+        """Number of its modules with their kind, for example "160 cubes"."""
+        return self.words.counted(self.modules)
 
     @property
     def called(self) -> str:

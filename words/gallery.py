@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from foldback.planner.chain.built_in_modules import MODULE_NAMES, module_named
 from foldback.planner.parameters.parameters import FLOATING, WORLD_CHOICES
-from foldback.planner.pathfinding.path_options import MODULE_CHOICES
 
 TAG_LABELS: Final = {
     "tool": "Tools",
@@ -25,8 +25,8 @@ TAG_LABELS: Final = {
     "plant": "Plants",
     "paper": "From the paper",
 }
-CHAIN_LABELS: Final = {name: choice.label for name, choice in MODULE_CHOICES.items()}
-MODULE_PLURALS: Final = {"cube": "modules", "tetrahedron": "tetrahedra"}
+CHAIN_LABELS: Final = {name: module_named(name).words.plural.capitalize() for name in MODULE_NAMES}
+"""Labels of the kinds of chains that foldback ships, by the names of their modules."""
 WORLD_LABELS: Final = {
     name: choice.label for name, choice in WORLD_CHOICES.items() if name != FLOATING
 }
@@ -38,11 +38,6 @@ CARD_STATUS_LABELS: Final = {
 }
 METHOD_LABELS: Final = {"direct": "joints turned directly", "paper": "method from the paper"}
 """Labels on a fold's card for presets of planner settings other than the default preset."""
-
-
-def module_count(modules: int, module: str) -> str:
-    """Return a number of modules with their kind."""
-    return f"{modules} {MODULE_PLURALS.get(module, module)}"
 
 
 def rest_of(torque_wp: float | None) -> str | None:

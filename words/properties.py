@@ -15,7 +15,7 @@ from foldback.planner.certificate.figures import (
     FoldSummary,
     PlaybackFigures,
 )
-from foldback.planner.chain.built_in_modules import CUBE, MODULE_NAMES, module_named
+from foldback.planner.chain.built_in_modules import DEFAULT_MODULE, MODULE_NAMES, module_of
 from foldback.planner.chain.module import Module
 from foldback.planner.errors import UNREADABLE, TimelineError
 from foldback.planner.motion.timeline import Timeline
@@ -131,6 +131,12 @@ class _Fold:
         return {} if damaged else json_of(result_path(self.directory, CHAIN))
 
     @property
+    def module(self) -> Module:
+        """The module of the chain; the default one until the chain of an unknown one is read."""
+        name = self.row.module if self.row.module in MODULE_NAMES else DEFAULT_MODULE
+        return module_of(self.chain.get("module", name))
+
+    @property
     def plan(self) -> dict[str, dict[str, Any]]:
         over = self.row.status in ("verified", "failed")
         return _settings_of(self.directory / PLAN) if over else {}
@@ -163,7 +169,7 @@ class _Fold:
         )
         return [
             ("Name", row.called),
-            ("Joints", _joints(row)),
+            ("Joints", self.module.joint_after(row.modules - 1) if row.modules else None),
             ("Chosen for", preference_text),
             ("Seed", self.summary.get("seed", row.seed)),
             ("Identifier", row.id),
@@ -171,7 +177,7 @@ class _Fold:
 
     def certificate_rows(self) -> Rows:
         certificate = self.certificate
-        limit_rad = _module(self.row.module).angle_limit_rad
+        limit_rad = self.module.angle_limit_rad
         return [
             *certificate_words.further_rows(certificate),
             (certificate_words.label_of("exempt_pairs"), certificate_words.linked(certificate)),
@@ -265,10 +271,6 @@ def used_parameters(
     return groups
 
 
-def _joints(row: ShownFold) -> int | None:
-    return _module(row.module).joint_after(int(row.modules) - 1) if row.modules else None
-
-
 def _shown(rows: Rows) -> list[Property]:
     """Return rows that have a value, in words."""
     return [
@@ -319,7 +321,3 @@ def _simulated_at(path: Path, changed_ns: int) -> float | None:
         return float(timeline.frames(len(timeline) - 1).time_s[-1])
     except (TimelineError, *UNREADABLE):
         return None
-
-
-def _module(name: str) -> Module:
-    return module_named(name) if name in MODULE_NAMES else CUBE

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Final, Literal, NamedTuple
 
 from foldback.planner.certificate.figures import CertificateFigures
-from foldback.planner.chain.built_in_modules import CUBE
 from foldback.planner.chain.display_names import clean_name
 from foldback.planner.plan.moments import CONTACT_LINKS, Meeting, Moments
 from foldback.planner.plan.tour import MAX_CAPTION, MAX_STOP_MODULES, MAX_TITLE, Stop, Tour
@@ -90,9 +89,8 @@ def _bare(certificate: CertificateFigures, frames: int) -> Moments:
 
 
 def _start(row: ShownFold, moments: Moments) -> list[DraftStop]:
-    kind = "cubes" if row.module == CUBE.name else "tetrahedra"
     joints = row.summary.get("joints")
-    chain = f"{row.modules} {kind}" + (f" in a row, with {joints} joints" if joints else "")
+    chain = row.counted + (f" in a row, with {joints} joints" if joints else "")
     straight = f"The chain is straight: {chain}. Now it folds."
     if not (refold := row.summary.get("refold")):
         return [DraftStop("straight", _stop(straight, moments.straight))]

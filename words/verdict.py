@@ -56,7 +56,7 @@ def verdict_of(
     row: ShownFold, summary: FoldSummary, certificate: CertificateFigures, choice: Choice | None
 ) -> Verdict:
     """Return the verdict on a fold, or its progress."""
-    modules = f"{row.modules}{NO_BREAK_SPACE}modules" if row.modules else None
+    modules = row.counted.replace(" ", NO_BREAK_SPACE) if row.modules else None
     if row.status == "verified":
         strategy = (summary.get("explosion") or {}).get("strategy")
         headline = certificate_words.headline(certificate) or "verified"

@@ -528,6 +528,7 @@ class FoldSummary(TypedDict, total=False):
     reason: str | None
     name: str
     module: str
+    module_words: dict[str, str] | None
     modules: int
     joints: int
     hinges: int

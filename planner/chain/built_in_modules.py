@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from dataclasses import asdict
 from functools import lru_cache
 from importlib.resources import files
 from typing import Any, Final
 
-from foldback.planner.chain.module import Module
+from foldback.planner.chain.module import Module, ModuleWords
 from foldback.planner.chain.module_file import read_module
 from foldback.planner.errors import InputError
 
@@ -38,6 +40,19 @@ def module_named(name: str) -> Module:
             "unknown-module", f"got the module type {name!r}, expected one of: {known_names}."
         )
     return _module(name)
+
+
+def described_words(module: Module) -> dict[str, str] | None:
+    """Return the words to store beside a module's name; None for one that foldback ships."""
+    return None if module.name in MODULE_NAMES else asdict(module.words)
+
+
+def words_named(name: str, words: Mapping[str, str] | None) -> ModuleWords:
+    """Return what a module is called of which only the name and ``described_words`` are stored."""
+    if words is not None:
+        return ModuleWords(**words)
+    # A name that this version does not know is one that an older or newer version shipped.
+    return module_named(name).words if name in MODULE_NAMES else ModuleWords("module", "modules")
 
 
 def module_value(module: Module) -> str | dict[str, Any]:

@@ -13,6 +13,8 @@ from foldback.planner.chain.polyhedron import Polyhedron, VolumeMoments, frozen,
 from foldback.planner.errors import InputError
 
 MODULE_FORMAT: Final = "foldback-module/1"
+MAX_MODULE_NAME: Final = 32
+"""Maximum length of a module's name for programs, in characters."""
 MAX_PIECES: Final = 16
 """Maximum number of pieces of a module, and of parts of a piece."""
 MAX_CORNERS: Final = 32
@@ -100,7 +102,7 @@ class ModuleValues(Values, frozen=True):
     """A module, as JSON values."""
 
     format: Literal["foldback-module/1"]
-    name: Annotated[str, msgspec.Meta(pattern="^[a-z][a-z0-9-]{0,39}$")]
+    name: Annotated[str, msgspec.Meta(pattern="^[a-z][a-z0-9-]*$", max_length=MAX_MODULE_NAME)]
     words: WordValues
     pieces: Annotated[list[PieceValues], msgspec.Meta(min_length=1, max_length=MAX_PIECES)]
     pattern: Annotated[list[Text], msgspec.Meta(min_length=1, max_length=MAX_PATTERN)]

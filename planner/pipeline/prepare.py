@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
 from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.built_in_modules import module_value
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import LONG_CHAIN
 from foldback.planner.chain.path import Path
@@ -202,6 +203,7 @@ class Preparation:
         """Return all that a page shows of it, as plain JSON values; its mesh only if ``full``."""
         voxels = self.voxels
         cells = self.cells
+        module = self.chains[0].module if self.chains else self.options.kind
         return {
             "kind": self.kind,
             "name": self.name,
@@ -233,7 +235,10 @@ class Preparation:
             "as_voxels": self.options.as_voxels,
             "start": None if self.options.start is None else list(self.options.start),
             "not_started": sentences(self.not_started),
-            "module": self.chains[0].module.name if self.chains else self.options.module,
+            "module": module.name,
+            "module_words": asdict(module.words),
+            "module_value": module_value(module),
+            "follows_paths": module.follows_paths,
             **(self._meshes() if full else {"mesh": None, "missing": None}),
             **(self._modules() if full else {}),
         }

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from foldback.planner.chain.built_in_modules import described_words
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.path import Path
 from foldback.planner.explosion.strategies import on_lattice, ranked_strategies
@@ -47,6 +48,7 @@ class Reading:
             "likeness": likenesses[0].as_dict() if likenesses else None,
             "name": chain.name,
             "module": chain.module.name,
+            "module_words": described_words(chain.module),
             "modules": len(chain),
             "joints": chain.joint_count,
             "hinges": len(chain.folded_rad),

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from foldback.planner.arrays import Array
 from foldback.planner.certificate.certificate import Certificate
 from foldback.planner.certificate.figures import CertificateFigures
+from foldback.planner.chain.built_in_modules import described_words
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.chain_attributes import chain_attributes, chain_from_attributes
 from foldback.planner.errors import UNREADABLE, InputError, named
@@ -220,6 +221,7 @@ class Plan:
             "reason": self.certificate.reason.text() if self.certificate.reason else "",
             "name": self.chain.name,
             "module": self.chain.module.name,
+            "module_words": described_words(self.chain.module),
             "modules": len(self.chain),
             "joints": self.chain.joint_count,
             "hinges": len(self.chain.folded_rad),

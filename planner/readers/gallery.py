@@ -9,7 +9,8 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
-from foldback.planner.chain.built_in_modules import DEFAULT_MODULE, module_of
+from foldback.planner.chain.built_in_modules import DEFAULT_MODULE, module_named, module_of
+from foldback.planner.chain.module import ModuleWords
 from foldback.planner.errors import InputError
 
 MAX_LISTED_EXAMPLES: Final = 6
@@ -31,6 +32,7 @@ class GalleryShape:
         title: Title for people.
         modules: Modules of its chain.
         module: Name of its modules.
+        words: What its modules are called.
         data: The bytes of its path or chain file.
         tags: Kinds of shapes: ``animal``, ``tool``, ``letter`` …
         rests_within: Torque in w·p within which it is known to rest on a table, without friction;
@@ -43,7 +45,13 @@ class GalleryShape:
     data: bytes
     tags: tuple[str, ...] = ()
     module: str = DEFAULT_MODULE
+    words: ModuleWords = module_named(DEFAULT_MODULE).words
     rests_within: float | None = None
+
+    @property
+    def counted(self) -> str:
+        """Number of its modules with their kind, for example "160 cubes"."""
+        return self.words.counted(self.modules)
 
     @property
     def filename(self) -> str:
@@ -139,6 +147,7 @@ def _shape(entry: Path, resting: dict[str, float]) -> GalleryShape:
         title=title.removesuffix(f", {modules} modules"),
         modules=modules,
         module=module.name,
+        words=module.words,
         tags=tuple(map(str, content.get("tags", DEFAULT_TAGS))),
         data=data,
         rests_within=resting.get(name),

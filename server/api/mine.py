@@ -11,6 +11,7 @@ from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import Response
 from msgspec import Meta
 
+from foldback.planner.chain.built_in_modules import words_named
 from foldback.server.api.movies import MovieBody
 from foldback.server.context import Here
 from foldback.server.dependencies.described_answers import problems
@@ -21,6 +22,7 @@ from foldback.server.schemas import (
     Body,
     Fold,
     KeyReplaced,
+    ModuleWordsBody,
     OwnedFolds,
     OwnedPreview,
     OwnedPreviews,
@@ -106,6 +108,7 @@ def get_my_previews(context: Here, owner: ListingOwner) -> OwnedPreviews:
                 id=row.id,
                 title=shown_name(row.name) or "New shape",
                 module=row.module,
+                module_words=ModuleWordsBody.of(words_named(row.module, row.module_words)),
                 modules=row.modules,
                 created_at=moment(row.created_at),
                 expires_at=moment(row.seen_at + keep_s),

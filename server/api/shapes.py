@@ -191,6 +191,7 @@ def viewed(options: PreviewRequest, report: dict[str, Any]) -> dict[str, Any]:
         "name": str(report["name"])[:MAX_FOLD_NAME],
         "modules": int(report["modules"]),
         "module": str(report["module"]),
+        "module_words": report["module_words"],
         "key": options.key,
         "query": urlencode(texts_of(values), safe=","),
     }

@@ -19,6 +19,7 @@ from fastapi.responses import RedirectResponse
 from foldback.cli.exit_statuses import INVALID_INPUT
 from foldback.cli.tour import stored_tour
 from foldback.planner.certificate.figures import FoldSummary
+from foldback.planner.chain.built_in_modules import described_words
 from foldback.planner.chain.display_names import escaped
 from foldback.planner.errors import InputError, TimelineError
 from foldback.planner.explosion.diagnosis import stuck_of
@@ -103,6 +104,7 @@ def row_of(directory: Path) -> ShownFold:
         status=values["status"],
         modules=len(chain),
         module=chain.module.name,
+        module_words=described_words(chain.module),
         preset=str(request.get("preset") or plan.get("preset") or ""),
         settings=_settings(request.get("preset"), request.get("settings")),
         seed=int(request.get("seed", plan.get("seed")) or 0),

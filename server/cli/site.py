@@ -151,7 +151,7 @@ def _named_apart(folds: list[LocatedFold]) -> list[LocatedFold]:
 
 def _titled_apart(folds: list[LocatedFold]) -> list[LocatedFold]:
     """Return the folds with different titles: equal ones get their size or, if equal, their id."""
-    for suffix in ("{title}, {row.modules} modules", "{row.id}"):
+    for suffix in ("{title}, {row.counted}", "{row.id}"):
         titles = Counter(fold.row.title for fold in folds)
         folds = [
             replace(

@@ -188,7 +188,9 @@ class PreviewReports:
 
 def read_report(place: Path) -> dict[str, Any] | None:
     """Return the report in a directory of options, if it exists."""
-    return sealed_json_of(place / REPORT) or None
+    report = sealed_json_of(place / REPORT)
+    # That of an earlier version does not describe its module.
+    return report if "module_value" in report else None
 
 
 def _moved(place: Path, target: Path) -> Path:

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from sqlalchemy.exc import SQLAlchemyError
 
+from foldback.planner.chain.built_in_modules import module_of
 from foldback.planner.errors import InputError, TimelineError
 from foldback.planner.motion.timeline import Timeline, TimelineWriter
 from foldback.planner.pipeline.fold_layout import any_verified, result_path
@@ -290,6 +291,7 @@ class Execution:
                     name=str(result["name"]),
                     modules=int(result["modules"]),
                     module=str(result["module"]),
+                    module_words=result["module_words"],
                 )
             )
         if stage == STAGES[-1]:
@@ -364,7 +366,7 @@ class Execution:
         if error.code != "refold-differs":
             return error
         start = json.loads((self._place / START_CHAIN).read_bytes())
-        return Gallery().advised(error, str(start["module"]), int(start["modules"]))
+        return Gallery().advised(error, module_of(start["module"]).name, int(start["modules"]))
 
     def _unwanted(self) -> Outcome:
         """Return the outcome of a fold that was cancelled or deleted.

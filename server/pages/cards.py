@@ -18,12 +18,8 @@ from foldback.words.gallery import (
     TAG_LABELS,
     WORLD_LABELS,
     method_of,
-    module_count,
 )
 
-TETRAHEDRA_TAG: Final = "tetrahedra"
-"""Tag of gallery shapes whose chains consist of tetrahedra. The list of tags omits it, as the
-gallery has a separate choice between kinds of modules."""
 _CARD_STATUSES: Final = {
     "verified": "verified",
     "running": "running",
@@ -106,7 +102,7 @@ class CardFacts:
             kinds=(),
             status=_CARD_STATUSES.get(fold.status, "new"),
             world="table" if fold.world == "table" else "",
-            words=f"{fold.title} {module_count(fold.modules, fold.module)}".lower(),
+            words=f"{fold.title} {fold.counted} {fold.modules} modules".lower(),
         )
 
 
@@ -163,8 +159,8 @@ class GalleryFilter:
 def search_words(shape: GalleryShape) -> str:
     """Return the searchable words of a shape, in lower case."""
     named = (TAG_LABELS.get(tag, tag) for tag in shape.tags)
-    count = module_count(shape.modules, shape.module)
-    return " ".join([shape.title, shape.name, count, *named]).lower()
+    counts = (shape.counted, f"{shape.modules} modules")
+    return " ".join([shape.title, shape.name, *counts, *named]).lower()
 
 
 def selected(gallery: Gallery) -> list[GalleryShape]:
@@ -180,7 +176,7 @@ def kinds(gallery: Gallery) -> list[tuple[str, str]]:
     The kind of module is left out, because it is chosen separately.
     """
     counts = Counter(
-        tag for shape in gallery.shapes() for tag in shape.tags if tag != TETRAHEDRA_TAG
+        tag for shape in gallery.shapes() for tag in shape.tags if tag != shape.words.plural
     )
     return [(tag, TAG_LABELS.get(tag) or tag.capitalize()) for tag, _ in counts.most_common()]
 

@@ -31,10 +31,8 @@ from foldback.web.pictures.shipped_pictures import shipped_pictures
 from foldback.words.gallery import (
     CARD_STATUS_LABELS,
     CHAIN_LABELS,
-    MODULE_PLURALS,
     WORLD_LABELS,
     method_of,
-    module_count,
     rest_of,
 )
 
@@ -51,6 +49,7 @@ async def gallery_page(request: Request) -> Response:
     shipped = await asyncio.to_thread(shipped_folds, context.store)
     facts = {card.name: CardFacts.of_shape(card, status) for card, status in cards}
     facts |= {fold.id: CardFacts.of_fold(fold) for fold in shipped}
+    shown = {card_facts.module for card_facts in facts.values()}
     keys = {key for key, fold_facts in facts.items() if sieve.lets(fold_facts)}
     return page(
         "gallery.html",
@@ -61,12 +60,10 @@ async def gallery_page(request: Request) -> Response:
         wanted=keys,
         sieve=sieve,
         kinds=kinds(context.gallery),
-        chains=CHAIN_LABELS,
+        chains={name: label for name, label in CHAIN_LABELS.items() if name in shown},
         statuses=CARD_STATUS_LABELS,
         where=WORLD_LABELS,
-        plurals=MODULE_PLURALS,
         method_of=method_of,
-        module_count=module_count,
         rest_of=rest_of,
         finished=shipped,
     )

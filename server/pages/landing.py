@@ -19,7 +19,6 @@ from foldback.server.pages.privacy import visibility
 from foldback.server.store.folds import Store
 from foldback.web.pictures.shipped_pictures import shipped_pictures
 from foldback.web.static_files import STATIC
-from foldback.words.gallery import module_count
 
 router = APIRouter(include_in_schema=False)
 
@@ -38,7 +37,6 @@ async def landing(request: Request) -> Response:
         listed=True,
         shapes=selected(context.gallery),
         count=len(context.gallery.shapes()),
-        module_count=module_count,
         featured=featured,
         kept=visibility(context.settings),
         origin=origin_of(request),

@@ -10,7 +10,8 @@ from typing import Any, Final
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
-from foldback.planner.pathfinding.path_options import MAX_TABLE_MODULES
+from foldback.planner.chain.built_in_modules import module_named
+from foldback.planner.pathfinding.path_options import MAX_TABLE_MODULES, MODULE_CHOICES
 from foldback.server.api.shapes import texts_of
 from foldback.server.context import Context, context_of
 from foldback.server.errors import NotFound
@@ -89,6 +90,7 @@ def _page(context: Context, query: Mapping[str, object]) -> Response:
         "options": {},
         "most_modules": context.settings.max_modules,
         "table_modules": MAX_TABLE_MODULES,
+        "path_modules": [name for name in MODULE_CHOICES if module_named(name).follows_paths],
         "next_scripts": _next_scripts(),
         **query,
     }

@@ -40,7 +40,7 @@ from foldback.web.viser.standalone import (
     packed_scripts,
 )
 from foldback.words.fold import ShownFold
-from foldback.words.gallery import CARD_STATUS_LABELS, MODULE_PLURALS, method_of
+from foldback.words.gallery import CARD_STATUS_LABELS, method_of
 
 SCRIPTS_FILE: Final = "static/foldback.js"
 """File with the scripts of all pages."""
@@ -131,7 +131,6 @@ def write_site(out: Path, folds: Sequence[LocatedFold], service_address: str | N
         "site.html",
         finished=[fold.row for fold in folds],
         statuses=CARD_STATUS_LABELS,
-        plurals=MODULE_PLURALS,
         method_of=method_of,
     )
     site.write("index.html", gallery)

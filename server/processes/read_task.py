@@ -14,7 +14,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from foldback.planner.chain.built_in_modules import described_words
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import Module
 from foldback.planner.chain.path import Path as CellPath
 from foldback.planner.pathfinding.snake_cubes import box_chains
 from foldback.planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest, PreviewRequest
@@ -33,7 +35,7 @@ view is ready; larger ones have none, as it would make the page slow."""
 
 
 def check(directory: Path) -> dict[str, Any]:
-    """Check that a directory's input can become a fold; return ``name``, ``module``, ``modules``.
+    """Check that a directory's input can become a fold; return the columns of its chain.
 
     The path search follows when the fold is computed; only certain failures are refused here.
 
@@ -59,7 +61,7 @@ def check(directory: Path) -> dict[str, Any]:
             from foldback.planner.pipeline.prepare import check_for_table
 
             check_for_table(contents)
-        return {"name": contents.name, "module": contents.module.name, "modules": len(contents)}
+        return _described(contents.name, contents.module, len(contents))
     from foldback.planner.pathfinding.path_options import DEFAULT_MODULES
     from foldback.planner.pipeline.prepare import filling_of
 
@@ -74,7 +76,7 @@ def check(directory: Path) -> dict[str, Any]:
         modules = filling.modules_of(shape, options)
         if begins is not None and not options.repair and options.method != "blocks":
             check_fits(begins, options.kind, modules)
-    return {"name": contents.name, "module": options.module, "modules": modules}
+    return _described(contents.name, options.kind, modules)
 
 
 def _begins(directory: Path) -> Chain:
@@ -89,7 +91,7 @@ def _begins(directory: Path) -> Chain:
 
 
 def _smoothed(directory: Path, request: FoldRequest) -> dict[str, Any]:
-    """Return ``name``, ``module`` and ``modules`` of a plan to be smoothed."""
+    """Return the description of the chain of a plan to be smoothed."""
     from foldback.planner.plan.plan import Plan
     from foldback.planner.smoothing.smoothed_plan import check_smoothable
     from foldback.planner.storage.file_names import RECORDED_PLAN
@@ -97,8 +99,17 @@ def _smoothed(directory: Path, request: FoldRequest) -> dict[str, Any]:
     request.check()
     plan = Plan.load(directory / RECORDED_PLAN)
     check_smoothable(plan)
-    chain = plan.chain
-    return {"name": chain.name, "module": chain.module.name, "modules": len(chain)}
+    return _described(plan.chain.name, plan.chain.module, len(plan.chain))
+
+
+def _described(name: str, module: Module, modules: int) -> dict[str, Any]:
+    """Return the columns of a fold's row that describe its chain."""
+    return {
+        "name": name,
+        "module": module.name,
+        "module_words": described_words(module),
+        "modules": modules,
+    }
 
 
 def preview(directory: Path) -> dict[str, Any]:

@@ -528,11 +528,21 @@ class Store:
             .values(kept=epoch)
         )
 
-    def describe(self, fold_id: str, *, name: str, modules: int, module: str) -> None:
+    def describe(
+        self,
+        fold_id: str,
+        *,
+        name: str,
+        modules: int,
+        module: str,
+        module_words: dict[str, str] | None,
+    ) -> None:
         """Store the facts of a fold's chain; a name from the gallery or the owner stays."""
         unnamed = sa.and_(FoldRow.shape.is_(None), FoldRow.renamed.is_(False))
         shown_name = sa.case((unnamed, name[:200]), else_=FoldRow.name)
-        self._change(fold_id, modules=modules, module=module, name=shown_name)
+        self._change(
+            fold_id, modules=modules, module=module, module_words=module_words, name=shown_name
+        )
 
     def stage_s(self, fold_id: str) -> dict[str, float]:
         """Return the seconds of each stage of a fold so far; empty if it was deleted."""

@@ -16,6 +16,8 @@ from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
+from foldback.planner.chain.module_file import MAX_MODULE_NAME
+from foldback.planner.pathfinding.path_options import MODULE_CHOICES
 from foldback.planner.pipeline.request import FoldRequest
 
 if TYPE_CHECKING:
@@ -32,6 +34,8 @@ class Base(DeclarativeBase):
 class FoldRow(Base):
     """One fold of a visitor.
 
+    ``module`` is the name of its modules, and ``module_words`` what they are called, None if
+    foldback ships them.
     ``status`` is one of ``STATUSES``; ``stage`` is one of ``planner.progress.STAGES`` or None;
     ``refold`` is the name of the initial shape of a refold, None if the chain starts straight;
     ``smooths`` is the id of the fold whose plan is smoothed, None for a recorded plan;
@@ -74,7 +78,8 @@ class FoldRow(Base):
     started_at: Mapped[float | None]
     ended_at: Mapped[float | None]
     modules: Mapped[int]
-    module: Mapped[str] = mapped_column(sa.String(32))
+    module: Mapped[str] = mapped_column(sa.String(MAX_MODULE_NAME))
+    module_words: Mapped[dict[str, Any] | None] = mapped_column(default=None)
     shape: Mapped[str | None] = mapped_column(sa.String(64))
     public: Mapped[bool]
     preset: Mapped[str] = mapped_column(sa.String(32))
@@ -134,10 +139,12 @@ def columns_of(request: FoldRequest) -> dict[str, Any]:
 
 def request_of(row: FoldRow | ShownFold) -> FoldRequest:
     """Return the request of a fold, without the options that turn its shape into a path."""
-    values = {name: getattr(row, name) for name in (*REQUESTED_COLUMNS, "module")}
+    values = {name: getattr(row, name) for name in REQUESTED_COLUMNS}
     values_given: dict[str, Any] = {
         name: value for name, value in values.items() if value is not None
     }
+    if row.module in MODULE_CHOICES:
+        values_given["module"] = row.module
     return FoldRequest(
         **values_given, refold=row.refold is not None, smooth=row.smooths is not None
     )
@@ -251,7 +258,8 @@ class PreviewRow(Base):
     seen_at: Mapped[float]
     name: Mapped[str] = mapped_column(sa.String(200), default="")
     modules: Mapped[int] = mapped_column(default=0)
-    module: Mapped[str] = mapped_column(sa.String(32), default="")
+    module: Mapped[str] = mapped_column(sa.String(MAX_MODULE_NAME), default="")
+    module_words: Mapped[dict[str, Any] | None] = mapped_column(default=None)
     key: Mapped[str] = mapped_column(sa.String(32), default="")
     query: Mapped[str] = mapped_column(sa.String(300), default="")
 

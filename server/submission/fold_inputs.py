@@ -12,9 +12,9 @@ from typing import Annotated, Any, BinaryIO, Final
 
 from fastapi import File, Form, UploadFile
 
-from foldback.planner.chain.built_in_modules import CUBE
+from foldback.planner.chain.built_in_modules import module_of
 from foldback.planner.chain.display_names import clean_name
-from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.pathfinding.path_options import MODULE_CHOICES, PathOptions
 from foldback.planner.pipeline.request import FoldRequest, PreviewRequest
 from foldback.planner.readers.formats import MESH_SUFFIXES
 from foldback.planner.readers.limits import quote
@@ -210,9 +210,10 @@ def _of_preview(context: Context, source: Source, preview_id: str) -> Source:
     """Complete the source of a preview with the cells and chains that it has computed."""
     place = context.previews.place(preview_id, PreviewRequest.of_fold(source.request).key)
     report, prepared = read_report(place), place / PREPARED
+    fills_cells = report is not None and module_of(report["module_value"]).fills_cell
     return replace(
         source,
-        cells=report["cells"] if report is not None and report["module"] == CUBE.name else None,
+        cells=report["cells"] if report is not None and fills_cells else None,
         prepared=prepared if prepared.is_file() else None,
     )
 
@@ -254,7 +255,9 @@ def _derived(source: Source, parent: ParentFold, origin: Origin) -> Source:
     request, use = source.request, parent.use
     if origin.refold is not None and (origin.file is not None or origin.preview is not None):
         modules = request.modules or parent.modules
-        request = replace(request, module=parent.module, modules=modules)
+        # Other modules come only in files, which describe them.
+        module = parent.module if parent.module in MODULE_CHOICES else request.module
+        request = replace(request, module=module, modules=modules)
     request = replace(request, refold=use == "refold", smooth=use == "smooth")
     return replace(source, request=request, parent=parent)
 

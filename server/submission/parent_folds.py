@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
 
+from foldback.planner.chain.built_in_modules import module_of
 from foldback.planner.storage.file_names import CHAIN, PLAN, RECORDED_PLAN, START_CHAIN, START_PLAN
 from foldback.planner.verification.integrity import check
 from foldback.server.context import Context
@@ -99,7 +100,7 @@ def _parent(use: Use, fold: str | None, row: FoldRow, files: dict[str, Path]) ->
         use=use,
         fold=fold,
         name=name,
-        module=str(attributes["module"]),
+        module=module_of(attributes["module"]).name,
         modules=int(attributes["modules"]),
         files=files,
         digest=digest,

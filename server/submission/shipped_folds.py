@@ -118,6 +118,7 @@ def _row(fold_id: str, about: dict[str, Any], content_key: str | None) -> FoldRo
         ended_at=now,
         modules=summary["modules"],
         module=summary["module"],
+        module_words=summary.get("module_words"),
         shape=about["shape"] if about["refold"] is None else None,
         public=True,
         pinned=True,

@@ -262,4 +262,9 @@ def _read(context: Context, directory: Path, source: Source, visitor: str) -> di
             limit=context.settings.max_modules,
         )
     name = _title(context, source.shape) or str(check["name"])[:200]
-    return {"name": name, "module": str(check["module"]), "modules": modules}
+    return {
+        "name": name,
+        "module": str(check["module"]),
+        "module_words": check["module_words"],
+        "modules": modules,
+    }

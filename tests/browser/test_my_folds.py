@@ -31,7 +31,7 @@ def test_rename_transfer_and_delete_in_my_folds(visit: Visit, service: Service) 
     page = open_my_folds(visit, token)
     card = page.locator(f'#folds [data-id="{fold}"]')
     expect(card.locator(".card-status")).to_have_text(re.compile("^Verified"))
-    expect(card.locator(".card-count")).to_have_text(re.compile("^8 modules · just now"))
+    expect(card.locator(".card-count")).to_have_text(re.compile("^8 cubes · just now"))
 
     card.get_by_role("button", name="Rename").click()
     page.keyboard.type(HOSTILE)

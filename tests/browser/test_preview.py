@@ -70,7 +70,7 @@ def test_mesh_is_previewed_changed_and_folded(visit: Visit, service: Service, vi
     wait_for_preview(page)
     expect(page).to_have_url(re.compile(r"\?modules=24$"))
     modules = re.findall(r"\d+", page.locator("#fold").inner_text())[0]
-    assert page.locator("#verdict").inner_text().startswith(f"{modules} modules")
+    assert page.locator("#verdict").inner_text().startswith(f"{modules} cubes")
     page.locator("#fold").click()
     fold = wait_for_fold(page)
     expect(page.locator("#name")).to_have_text("brick")

@@ -95,12 +95,12 @@ def scans(store: Store, queries: list[tuple[str, Any]]) -> list[str]:
     return row_ids
 
 
-SECOND_MIGRATION = """
+NEXT_MIGRATION = """
 import sqlalchemy as sa
 from alembic import op
 
-revision = "0002"
-down_revision = "0001"
+revision = "0003"
+down_revision = "0002"
 
 
 def upgrade():
@@ -110,10 +110,10 @@ def upgrade():
 
 
 @contextmanager
-def second_migration(place: Path) -> Iterator[None]:
-    """Add a second version of the tables to those that foldback knows, as a later release does."""
+def next_migration(place: Path) -> Iterator[None]:
+    """Add a newer version of the tables to those that foldback knows, as a later release does."""
     migrations = shutil.copytree(schema_version.MIGRATIONS, place / "migrations")
-    (migrations / "versions" / "0002_colours.py").write_text(SECOND_MIGRATION)
+    (migrations / "versions" / "0003_colours.py").write_text(NEXT_MIGRATION)
     with patch.object(schema_version, "MIGRATIONS", migrations):
         schema_version.known_versions.cache_clear()
         try:

@@ -136,7 +136,7 @@ ROW = [[x, 0, 0] for x in range(4)]
 
 def report(**extra: Any) -> dict[str, Any]:
     cells = dict.fromkeys(("cells", "positions", "line"), ROW)
-    return {"module": "cube", "has_path": True, "wxyzs": None, "mesh": None, **cells, **extra}
+    return {"module_value": "cube", "has_path": True, "wxyzs": None, "mesh": None, **cells, **extra}
 
 
 def hull_of(header: dict[str, Any]) -> np.ndarray:
@@ -201,7 +201,9 @@ def test_scene_size_does_not_depend_on_the_number_of_modules() -> None:
 def test_tetrahedra_have_their_folded_poses() -> None:
     poses = Chain.from_angles(TETRAHEDRON, np.deg2rad([90.0, -90.0]), name="a").folded_poses
     places = poses.positions.tolist()
-    stated = report(module="tetrahedron", positions=places, line=places, wxyzs=poses.wxyzs.tolist())
+    stated = report(
+        module_value="tetrahedron", positions=places, line=places, wxyzs=poses.wxyzs.tolist()
+    )
     stated["cells"] = np.rint(poses.positions).astype(int).tolist()
     header, arrays, nodes = read_bundle(stated)
     turns = arrays[nodes["/cells"]["batched_wxyzs"]["column"]].reshape(-1, 4)

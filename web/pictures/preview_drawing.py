@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from foldback.planner.chain.built_in_modules import CUBE, module_named
+from foldback.planner.chain.built_in_modules import module_of
 from foldback.planner.chain.rotations import matrix_from_wxyz
 from foldback.web.pictures.isometric import isometric_svg
 from foldback.web.pictures.isometric_modules import modules_svg
@@ -32,8 +32,8 @@ def preview_svg(report: Mapping[str, Any], added: Sequence[Sequence[int]] = ()) 
     Returns:
         The drawing; None when there is nothing to draw, or too much.
     """
-    module = module_named(str(report["module"]))
-    if module is not CUBE and report.get("wxyzs"):
+    module = module_of(report["module_value"])
+    if report.get("wxyzs"):
         positions = np.asarray(report["positions"], dtype=np.float64)
         if len(positions) > 4_000:
             return None

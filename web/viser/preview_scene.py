@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from foldback.planner.chain.built_in_modules import CUBE, module_named
+from foldback.planner.chain.built_in_modules import DEFAULT_MODULE, module_named, module_of
 from foldback.planner.chain.module import Module
 from foldback.web.palette import (
     MAX_ERROR_RGB,
@@ -91,9 +91,11 @@ class _PreviewScene:
 
     def __init__(self, server: viser.ViserServer, report: Mapping[str, Any]) -> None:
         self._scene = server.scene
-        # Without a chain there are only cells, which are cubes.
+        # Without a chain there are only cells.
         chained = report.get("positions") is not None
-        self.module: Module = module_named(report["module"]) if chained else CUBE
+        cube = module_named(DEFAULT_MODULE)
+        self._cell = cube.pieces[0]
+        self.module: Module = module_of(report["module_value"]) if chained else cube
         positions = report["positions"] if chained else report["cells"]
         self.positions: Array = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
         count = len(self.positions)
@@ -232,7 +234,7 @@ class _PreviewScene:
         scale = self.unit * sides / DISPLAYED_MODULE_SIZE
         places = self._placed(cells)
         add_meshes(
-            self._scene, name, piece_mesh(CUBE.pieces[0]), colours, places, scale=scale, **options
+            self._scene, name, piece_mesh(self._cell), colours, places, scale=scale, **options
         )
 
     def _placed(self, points: Array) -> Array:

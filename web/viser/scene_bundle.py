@@ -19,7 +19,6 @@ import zstandard
 from cachetools import LRUCache, cached
 from numpy.typing import NDArray
 
-from foldback.planner.chain.built_in_modules import CUBE
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.rotations import wxyz_from_matrix
 from foldback.web.palette import (
@@ -89,8 +88,8 @@ def bundle_of(chain: Chain, stretch: int | None = None, table: TableTop | None =
             **hull_value(module, n),
             "radius": module.radius,
             "hinge_names": list(module.hinge_names),
-            # Only cubes fill cells; rounded positions of other modules have no meaning.
-            "cells": module is CUBE,
+            # Rounded positions of modules that do not fill cells have no meaning.
+            "cells": module.fills_cell,
             "pitch_m": chain.pitch_m,
             # Orientations of module 0 and of the root in the frame of the shape.
             "folded_wxyz": chain.folded_wxyz.tolist(),

@@ -26,7 +26,7 @@ from foldback.server.store.staged_files import StagedFolders
 from tests.case import case
 from tests.server.backups import Site
 from tests.server.postgres import Postgres
-from tests.server.rows import SOMEBODY, a_fold, second_migration
+from tests.server.rows import SOMEBODY, a_fold, next_migration
 
 
 @pytest.fixture
@@ -379,7 +379,7 @@ def test_backup_holds_the_latest_rows_and_no_links(small: Site, tmp_path: Path) 
 def test_migration_is_announced_before_it_is_done(tmp_path: Path) -> None:
     site = Site(tmp_path / "data")
     result = site.run("migrate", "--check")
-    assert result.exit_code == 3 and "version 0001" in result.stdout
+    assert result.exit_code == 3 and "version 0002" in result.stdout
     assert not site.data_dir.exists()
     assert "expected rows to back up" in site.run("backup", tmp_path / "copy").stderr
     site.settings.make_directories()
@@ -387,13 +387,13 @@ def test_migration_is_announced_before_it_is_done(tmp_path: Path) -> None:
     migrate(engine)
     engine.dispose()
     current = "The database is up to date.\n"
-    with second_migration(tmp_path):
+    with next_migration(tmp_path):
         result = site.run("migrate", "--check")
         assert result.exit_code == 3
-        assert result.stdout == "would migrate the database to version 0002\n"
+        assert result.stdout == "would migrate the database to version 0003\n"
         assert site.run("backup", tmp_path / "copy").exit_code == 0  # before the upgrade
         assert "foldback admin migrate" in site.run("list").stderr
-        assert site.run("migrate").stdout == "migrated the database to version 0002\n"
+        assert site.run("migrate").stdout == "migrated the database to version 0003\n"
         assert site.run("migrate", "--check").stdout == current
         assert site.run("restore", "--replace", tmp_path / "copy").exit_code == 0
         assert site.run("migrate", "--check").stdout == current

@@ -95,7 +95,7 @@ def test_name_of_the_input_does_not_replace_that_of_the_owner(store: Store) -> N
         store.add(a_fold(name, status="queued"), SOMEBODY)
     assert change_fold(store, "renamed", SOMEBODY, name="Mine", heir=None)
     for name, shown_title in (("renamed", "Mine"), ("left", "of its file")):
-        store.describe(name, name="of its file", modules=5, module="cube")
+        store.describe(name, name="of its file", modules=5, module="cube", module_words=None)
         assert store.fold(name).name == shown_title
 
 

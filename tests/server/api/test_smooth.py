@@ -75,7 +75,7 @@ def test_smoothed_fold_outlives_the_original_and_starts_again_from_its_record(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # No process that reads is started, as the input has been read before.
-    read = {"name": "path", "module": "cube", "modules": 16}
+    read = {"name": "path", "module": "cube", "module_words": None, "modules": 16}
     monkeypatch.setattr(Pool, "call", lambda *_, **__: read)
     plain, smoothed_id = finished.id, smoothed.id
     assert plain in smoothed.http.get(smoothed.page).text

@@ -23,7 +23,7 @@ from foldback.server.store.schema import engine_for, migrate
 from tests.case import case
 from tests.server.cli.test_command_line import foldback
 from tests.server.postgres import Postgres
-from tests.server.rows import a_fold, second_migration
+from tests.server.rows import a_fold, next_migration
 from tests.server.service_process import Service
 from tests.web.blog import Blog
 
@@ -144,8 +144,8 @@ def test_schema_behind_or_ahead_is_reported(tmp_path: Path) -> None:
     engine = engine_for(given_settings.store_url)
     migrate(engine)
     assert data.database(given_settings).verdict == "ok"
-    with second_migration(tmp_path):
-        check_finding(data.database(given_settings), "warning", "version 0001, ", "foldback serve")
+    with next_migration(tmp_path):
+        check_finding(data.database(given_settings), "warning", "version 0002, ", "foldback serve")
         migrate(engine)
         assert data.database(given_settings).verdict == "ok"
     with engine.begin() as connection:

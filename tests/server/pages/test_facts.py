@@ -93,6 +93,6 @@ def test_fold_has_no_verdict_while_its_files_are_written(tmp_path: Path) -> None
         stage: fold_facts(failed_fold(tmp_path, 0, status="running", stage=stage))["verdict"]
         for stage in ("certify", "export")
     }
-    assert facts["certify"] == {"tone": "busy", "text": "Computing · 16\N{NO-BREAK SPACE}modules"}
-    text = "Writing the files … · 16\N{NO-BREAK SPACE}modules"
+    assert facts["certify"] == {"tone": "busy", "text": "Computing · 16\N{NO-BREAK SPACE}cubes"}
+    text = "Writing the files … · 16\N{NO-BREAK SPACE}cubes"
     assert facts["export"] == {"tone": "busy", "text": text}

@@ -115,7 +115,12 @@ def test_stages_are_those_of_the_planner() -> None:
 def test_child_answers_repeatedly_until_it_hangs(child: Child, directory: Path) -> None:
     for _ in range(2):
         child_report = child.call("check", directory, wall_s=60)
-        assert child_report == {"name": "snake", "module": "cube", "modules": 16}
+        assert child_report == {
+            "name": "snake",
+            "module": "cube",
+            "module_words": None,
+            "modules": 16,
+        }
     os.kill(child.pid, signal.SIGSTOP)
     with refused("time-limit", match="exceeded its limit", kind=ChildError):
         child.call("check", directory, wall_s=0.1)

@@ -21,7 +21,7 @@ from tests.server.service_thread import FORKS
 
 pytestmark = pytest.mark.processes
 
-RESULT = {"name": "snake", "module": "cube", "modules": 16}
+RESULT = {"name": "snake", "module": "cube", "module_words": None, "modules": 16}
 
 
 @pytest.fixture

@@ -80,7 +80,7 @@ class Site:
     def _compute(_task: str, place: Path, **_: object) -> None:
         if '"seed": 666' in (place / "request.json").read_text():
             raise ChildError("crashed", "It crashed.")
-        write_sealed_json(place / "report.json", {"cells": []})
+        write_sealed_json(place / "report.json", {"cells": [], "module_value": "cube"})
 
 
 SiteWith = Callable[..., Site]
@@ -247,7 +247,10 @@ def test_previews_in_an_object_store_are_fetched_and_deleted_everywhere(
         assert (second.previews.directory(large) / "input").stat().st_size == 600_000
         key = PreviewRequest(seed=3).key
         first.report(large, 3)
-        assert read_report(second.previews.place(large, key)) == {"cells": []}
+        assert read_report(second.previews.place(large, key)) == {
+            "cells": [],
+            "module_value": "cube",
+        }
         own_preview = second.add(owner=small_owner)
         assert first.exists(own_preview)
         storage = first.store.folders.storage

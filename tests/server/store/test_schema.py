@@ -16,7 +16,7 @@ from foldback.server.store.folds import Store
 from foldback.server.store.schema import STATUSES, Base, FoldRow, engine_for, migrate
 from foldback.server.store.schema_version import NewerSchemaError, Schema
 from tests.server.postgres import DATABASES
-from tests.server.rows import second_migration
+from tests.server.rows import next_migration
 
 
 @pytest.fixture(params=DATABASES)
@@ -76,15 +76,15 @@ def test_migrations_lead_to_the_tables_of_the_code(engine: sa.Engine) -> None:
             assert connection.execute(sa.text("PRAGMA foreign_keys")).scalar() == 1
 
 
-def test_second_migration_keeps_all_rows(engine: sa.Engine, url: str, tmp_path: Path) -> None:
+def test_next_migration_keeps_all_rows(engine: sa.Engine, url: str, tmp_path: Path) -> None:
     rows = [{**USUAL, "id": name, "status": name} | values for name, values in UNUSUAL.items()]
     assert set(UNUSUAL) == set(STATUSES)
     settings = Settings(data_dir=tmp_path, database_url=url)
     with closing(Store(settings)) as store, store.changing() as session:
         session.add_all(FoldRow(**row) for row in rows)
-    with second_migration(tmp_path):
+    with next_migration(tmp_path):
         with engine.connect() as connection:
-            assert Schema.of(connection).missing == ("0002",)
+            assert Schema.of(connection).missing == ("0003",)
         with closing(Store(settings)) as store:
             for row in rows:
                 stored = store.fold(row["id"])
@@ -95,7 +95,7 @@ def test_second_migration_keeps_all_rows(engine: sa.Engine, url: str, tmp_path: 
         assert sorted(colours) == sorted((name, name) for name in STATUSES)
     with engine.connect() as connection:
         assert Schema.of(connection).newer
-    with pytest.raises(NewerSchemaError, match="version 0002, expected 0001 at most"):
+    with pytest.raises(NewerSchemaError, match="version 0003, expected 0002 at most"):
         migrate(engine)
 
 

@@ -23,6 +23,7 @@ const FACTS = {
   id: "abc",
   most_modules: 12_000,
   table_modules: 64,
+  path_modules: ["cube"],
   next_scripts: [],
   origin: {},
   options: {},
@@ -33,6 +34,7 @@ const report = (fields = {}) => ({
   key: "k",
   name: "brick",
   module: "cube",
+  module_words: { singular: "cube", plural: "cubes" },
   modules: 64,
   asked: null,
   below: null,
@@ -161,12 +163,15 @@ test("the module that was clicked can become the first, which can be undone", ()
 });
 
 test("a report is put into words", () => {
-  assert.equal(verdictOf(report({ iou: 0.987 })), "64 modules · 99\u00a0% like your file");
+  assert.equal(verdictOf(report({ iou: 0.987 })), "64 cubes · 99\u00a0% like your file");
   assert.equal(
     verdictOf(report({ iou: 0.5, final: false })),
-    "64 modules · 50\u00a0% like your file, improving…",
+    "64 cubes · 50\u00a0% like your file, improving…",
   );
   assert.equal(verdictOf(report({ has_path: false })), "64 cells, no path yet");
+  const prism = { module_words: { singular: "prism", plural: "prisms" } };
+  assert.equal(verdictOf(report({ ...prism, modules: 24 })), "24 prisms");
+  assert.equal(verdictOf(report({ ...prism, modules: 1 })), "1 prism");
   assert.deepEqual(
     figuresOf(
       report({
@@ -237,6 +242,7 @@ test("the reason why there is no path comes with a remedy", () => {
     feasibility: { feasible: false, problems: [problem("disconnected")], repairs: [] },
   });
   assert.deepEqual(troubleOf(opened(), apart).ways, []);
+  assert.equal(troubleOf(opened("?module=tetrahedron"), bad).ways.length, 1);
   const table = troubleOf(opened("?world=table&as_voxels=true"), bad);
   assert.deepEqual(
     [table.title, table.ways],

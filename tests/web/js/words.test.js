@@ -136,11 +136,17 @@ test("the card of a fold that waits or runs names its state", () => {
 
 test("the card of a fold says how much it is like its file", () => {
   const state = { created_at: new Date().toISOString(), public: true };
-  const fold = { modules: 1600, module: "cube", preset: "default", world: "table", ...state };
+  const fold = {
+    modules: 1600,
+    module_words: { singular: "cube", plural: "cubes" },
+    preset: "default",
+    world: "table",
+    ...state,
+  };
   const facts = (summary) => factsOf({ ...fold, summary });
   assert.equal(
     facts({ likeness: { iou: 0.744 } }),
-    "1\u2009600 modules · 74\u00a0% like the file · on a table · just now · in the gallery",
+    "1\u2009600 cubes · 74\u00a0% like the file · on a table · just now · in the gallery",
   );
   assert.equal(facts({ likeness: null }), facts({}));
   assert.doesNotMatch(facts({}), /file/);

@@ -48,5 +48,5 @@ def test_tetrahedra_are_drawn_in_their_poses() -> None:
 
 def test_preview_that_would_take_long_is_not_drawn() -> None:
     cells = np.argwhere(np.ones((1, 1, MAX_DRAWN_CUBES + 1))).tolist()
-    assert preview_svg({"module": "cube", "cells": cells}) is None
-    assert preview_svg({"module": "cube", "cells": []}) is None
+    assert preview_svg({"module_value": "cube", "cells": cells}) is None
+    assert preview_svg({"module_value": "cube", "cells": []}) is None

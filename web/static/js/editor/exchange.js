@@ -48,8 +48,11 @@ export const report = (fields) =>
  */
 export async function read(source, cells) {
   const answer = await report({ ...source, method: "exact", modules: cells, path: false });
-  if (answer.module !== "cube")
-    throw new Error("This is a chain of tetrahedra. Only cubes can be painted.");
+  if (!answer.follows_paths)
+    throw new Error(
+      `This is a chain of ${answer.module_words.plural}. Only modules that fill a cell each can ` +
+        "be painted.",
+    );
   return answer;
 }
 

@@ -12,6 +12,14 @@ export const STAGES = {
 export const integerText = (value) =>
   Math.round(value).toLocaleString("en").replaceAll(",", "\u2009");
 
+// Return a number of modules with what they are called.
+/**
+ * @param {number} count
+ * @param {Api.ModuleWordsBody} words
+ */
+export const countedText = (count, { singular, plural }) =>
+  `${integerText(count)} ${count === 1 ? singular : plural}`;
+
 // A share as a whole percentage, as in words/likeness.py: one above 0 is never 0 %, one below 1
 // never 100 %.
 /** @param {number} share */

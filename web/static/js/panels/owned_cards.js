@@ -4,12 +4,12 @@ import {
   at,
   button,
   copyText,
+  countedText,
   element,
   percent,
   sentence,
   STAGES,
   toast,
-  integerText,
   wordsOf,
 } from "../lib/text.js";
 import { confirmed, renamed } from "./dialogs.js";
@@ -18,8 +18,6 @@ const S = 1000;
 const LOOK_MS = 3000;
 /** @type {Record<string, string>} */
 const METHODS = { direct: "direct servoing", paper: "published method" };
-/** @type {Record<string, string>} */
-const PLURALS = { cube: "modules", tetrahedron: "tetrahedra" };
 
 // Return a duration in whole minutes, hours or days.
 /** @param {number} value in seconds */
@@ -73,7 +71,7 @@ const methodWords = ({ preset, world }) =>
 export function factsOf(fold) {
   const { likeness } = /** @type {{ likeness?: { iou: number } | null }} */ (fold.summary);
   return [
-    `${integerText(fold.modules)} ${PLURALS[fold.module] ?? "modules"}`,
+    countedText(fold.modules, fold.module_words),
     likeness ? `${percent(likeness.iou)} like the file` : "",
     methodWords(fold),
     ago(fold.created_at),
@@ -264,14 +262,21 @@ export class PreviewCard extends Card {
    * @param {() => void} onDeleted
    */
   constructor(
-    { id, title, module, modules, created_at: createdAt, expires_at: end, page, drawing },
+    {
+      id,
+      title,
+      module_words: words,
+      modules,
+      created_at: createdAt,
+      expires_at: end,
+      page,
+      drawing,
+    },
     key,
     onDeleted,
   ) {
     super(element("li", { class: "made", "data-id": id }, art(page, drawing)), key, onDeleted);
-    const facts =
-      `${integerText(modules)} ${PLURALS[module] ?? "modules"} · ${ago(createdAt)} · ` +
-      `${expiryOf(end)}`;
+    const facts = `${countedText(modules, words)} · ${ago(createdAt)} · ${expiryOf(end)}`;
     this.item.append(
       element("h3", { class: "card-title" }, element("a", { href: page }, title)),
       element("p", { class: "card-count" }, facts),

@@ -1,6 +1,6 @@
 // State of a preview page, without the page: the options,
 // their report, and the values derived from both.
-import { duration, percent, sentence, integerText } from "../lib/text.js";
+import { countedText, duration, percent, sentence, integerText } from "../lib/text.js";
 
 /** Minimum number of modules that the service folds. */
 const MIN_MODULES = 8;
@@ -18,9 +18,11 @@ const SLIDER_STEPS = 1000;
  *   and the options that it changes
  */
 /**
- * @typedef {{ id: string, most_modules: number, table_modules: number, next_scripts: string[],
- *   origin: { fold?: string, shape?: string }, options: Record<string, string> }} PreviewFacts
- *   without an id, the input is that of `origin`; `options` are its options
+ * @typedef {{ id: string, most_modules: number, table_modules: number, path_modules: string[],
+ *   next_scripts: string[], origin: { fold?: string, shape?: string },
+ *   options: Record<string, string> }} PreviewFacts
+ *   without an id, the input is that of `origin`; `options` are its options; `path_modules` are the
+ *   names of the modules whose chains can follow each path through cells
  */
 
 /** Options that may change the cells and thus invalidate the start cell. @type {Set<string>} */
@@ -45,7 +47,14 @@ export class Preview {
    * @param {URLSearchParams} query of the page's address, which stores the options
    */
   constructor(
-    { id, origin, options: earlier, most_modules: maxModules, table_modules: maxTableModules },
+    {
+      id,
+      origin,
+      options: earlier,
+      most_modules: maxModules,
+      table_modules: maxTableModules,
+      path_modules: pathModules,
+    },
     choices,
     query,
   ) {
@@ -54,6 +63,7 @@ export class Preview {
     this.origin = origin;
     this.maxModules = maxModules;
     this.maxTableModules = maxTableModules;
+    this.pathModules = pathModules;
     this.choices = choices;
     const choiceOf = (/** @type {ChoiceName} */ name) =>
       choices[name].find((value) => value === query.get(name)) ?? choices[name][0];
@@ -85,6 +95,11 @@ export class Preview {
 
   get onTable() {
     return this.options.world === "table";
+  }
+
+  // Return whether a chain of the chosen modules can follow each path through cells.
+  get followsPaths() {
+    return this.pathModules.includes(this.options.module);
   }
 
   /** @returns {Form} */
@@ -275,11 +290,10 @@ export function likenessWords(likeness) {
 }
 
 /** @param {Api.Preview} report */
-export function verdictOf({ module, modules, iou, has_path: path, final = true }) {
+export function verdictOf({ module_words: words, modules, iou, has_path: path, final = true }) {
   if (!path) return `${integerText(modules)} cells, no path yet`;
   const likeness = iou === null ? "" : ` · ${percent(iou)} like your file`;
-  const kind = module === "cube" ? "modules" : "tetrahedra";
-  return `${integerText(modules)} ${kind}${likeness}${final ? "" : ", improving…"}`;
+  return `${countedText(modules, words)}${likeness}${final ? "" : ", improving…"}`;
 }
 
 // Return possible numbers of modules nearby, and a text that explains them.
@@ -330,7 +344,7 @@ export function figuresOf({ iou, likeness, candidates, knot }) {
  * @param {Api.Preview} report
  */
 export function troubleOf(
-  { onTable, options: { method, module }, floating },
+  { onTable, followsPaths, options: { method }, floating },
   { modules, feasibility },
 ) {
   const details = feasibility?.problems.map(({ detail }) => detail) ?? [];
@@ -351,7 +365,7 @@ export function troubleOf(
     }));
   // Their blocks would be disconnected, too.
   const apart = feasibility?.problems.some(({ code }) => code === "disconnected");
-  if (method !== "blocks" && module === "cube" && !apart)
+  if (method !== "blocks" && followsPaths && !apart)
     ways.push({ text: "Use 2×2×2 modules for each cell", change: { method: "blocks" } });
   return {
     title:

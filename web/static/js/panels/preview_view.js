@@ -69,7 +69,8 @@ export function showOptions(preview) {
     if (input.checked && input.dataset.hint)
       get(`${/** @type {"method" | "world" | "ends"} */ (input.name)}-hint`).textContent =
         input.dataset.hint;
-    if (input.value === "tetrahedron") input.disabled = onTable;
+    if (input.name === "module")
+      input.disabled = onTable && !preview.pathModules.includes(input.value);
   }
   if (count !== null) {
     get("modules").value = String(preview.placeOf(count));
@@ -130,14 +131,14 @@ export function showOffers({ offers }, onChange) {
  * @param {(change: Offer["change"]) => void} onChange
  */
 export function showReport(preview, report, onChange) {
-  const { onTable, options } = preview;
+  const { onTable } = preview;
   const { kind, name, has_path: path } = report;
   const { counts, text } = nearby(preview, report);
   const { iou, likeness, candidates, knot, knotHint, knotted } = figuresOf(report);
   const reach = reachOf(preview, report);
   const odd = oddWords(report);
   const { repaired, unordered, others } = notesOf(preview, report);
-  const [chain, noCubes] = [kind === "chain" || onTable, options.module !== "cube"];
+  const chain = kind === "chain" || onTable;
   document.title = `${name}, preview · foldback`;
   showTrouble(troubleOf(preview, report), onChange);
   write({
@@ -158,8 +159,8 @@ export function showReport(preview, report, onChange) {
   hide({
     what: chain,
     how: chain || kind === "path",
-    "method-part": noCubes,
-    "method-hint": noCubes,
+    "method-part": !preview.followsPaths,
+    "method-hint": !preview.followsPaths,
     "modules-part": kind !== "mesh",
     "iou-part": !iou,
     "reach-part": !reach.ways.length,
