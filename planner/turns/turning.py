@@ -185,8 +185,10 @@ class Turning:
         rotations = forward_kinematics(module, angles_rad).rotations[module.rigid_links :]
         axes = np.empty((len(state), 3))
         axes[:: module.hinges_per_joint] = rotations[:-1] @ module.axes[0]
-        if module.hinges_per_joint == 2:
-            axes[1::2] = rotations[1:] @ module.turn.T @ module.axes[1]
+        for hinge in range(1, module.hinges_per_joint):
+            axes[hinge :: module.hinges_per_joint] = (
+                rotations[1:] @ module.turn.T @ module.axes[hinge]
+            )
         return np.rint(axes @ [1.0, 2.0, 3.0]).astype(np.int64)
 
     def clear_turns(self, start: Levels, hinges: Ints, changes: Ints, *, room: float) -> int:
