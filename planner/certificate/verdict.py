@@ -101,18 +101,26 @@ def _unproved(motion: ReasonValues, sweep: Sweep) -> Reason:
 
 def _beyond_range(chain: Chain, motion: ReasonValues, frames: Motion) -> Reason | None:
     """Return the joint that a motion bends beyond its range; None if there is none."""
-    limit, angles = chain.module.angle_limit_rad, frames.angles_rad
-    if not angles.size or np.abs(angles).max() <= limit + MAX_ANGLE_DIFFERENCE_RAD:
+    low, high = chain.stops_rad().T
+    angles = frames.angles_rad
+    if not angles.size or (angles.min() >= low.max() and angles.max() <= high.min()):
         return None
-    worst = int(np.abs(angles).argmax())
-    frame = int(np.searchsorted(frames.offsets, worst, side="right")) - 1
-    hinge = int(frames.first[frame] + worst - frames.offsets[frame])
+    worst, frame, hinge = MAX_ANGLE_DIFFERENCE_RAD, -1, -1
+    for k, (first, begin) in enumerate(zip(frames.first, frames.offsets[:-1], strict=True)):
+        row = angles[begin : frames.offsets[k + 1]]
+        hinges = slice(first, first + len(row))
+        beyond = np.maximum(row - high[hinges], low[hinges] - row)
+        if beyond.max(initial=0.0) > worst:
+            worst, frame, hinge = float(beyond.max()), k, int(first + beyond.argmax())
+    if frame < 0:
+        return None
+    angle = float(angles[frames.offsets[frame] + hinge - frames.first[frame]])
     return Reason.of(
         Code.JOINT_BEYOND_RANGE,
         motion,
         joint=chain.joint_names[hinge],
-        angle_rad=float(angles[worst]),
-        limit_rad=float(limit),
+        angle_rad=angle,
+        limit_rad=float(high[hinge] if angle > high[hinge] else low[hinge]),
         frame=float(frame),
     )
 

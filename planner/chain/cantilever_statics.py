@@ -43,13 +43,21 @@ def hinge_frames(chain: Chain, angles_rad: Array, poses: Poses) -> tuple[Array, 
     module = chain.module
     first = module.rigid_links
     rotations = poses.rotations[first:-1]
-    anchors = poses.positions[first:-1] + rotations @ module.anchor
+    joint = module.joint
+    rows = joint.row(np.arange(first, len(chain) - 1))
+    anchors = poses.positions[first:-1] + _turned(rotations, joint.anchor[rows])
     angles = angles_rad.reshape(-1, module.hinges_per_joint)
     axes = np.empty((len(anchors), module.hinges_per_joint, 3))
     frames = rotations
-    for k, axis in enumerate(module.axes):
-        axes[:, k] = frames @ axis
+    for k in range(module.hinges_per_joint):
+        axis = joint.axes[rows, k]
+        axes[:, k] = _turned(frames, axis)
         half = 0.5 * angles[:, k, None]
         wxyz = np.concatenate([np.cos(half), np.sin(half) * axis], axis=1)
         frames = frames @ matrix_from_wxyz(wxyz)
     return axes, anchors
+
+
+def _turned(rotations: Array, vectors: Array) -> Array:
+    """Return (n, 3) vectors, each turned by the rotation of the same index."""
+    return (rotations @ vectors[:, :, None])[:, :, 0]

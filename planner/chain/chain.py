@@ -183,13 +183,15 @@ class Chain:
                 where="angle {angle}",
                 angle=index,
             )
-        if (np.abs(folded) > module.angle_limit_rad).any():
-            index = int(np.argmax(np.abs(folded) > module.angle_limit_rad))
+        holders = module.rigid_links + np.arange(len(folded) // hinges)
+        low, high = module.stops_behind(holders).reshape(-1, 2).T
+        if (outside := (folded < low) | (folded > high)).any():
+            index = int(np.argmax(outside))
             raise InputError(
                 "out-of-range",
-                f"got {np.rad2deg(folded[index]):g}°, expected at most "
-                f"{np.rad2deg(module.angle_limit_rad):g}° in either direction.",
-                where=f"joint {index // module.hinges_per_joint}",
+                f"got {np.rad2deg(folded[index]):g}°, expected "
+                f"{_range_text(float(low[index]), float(high[index]))}.",
+                where=f"joint {index // hinges}",
             )
         check_pitch(pitch_m)
         for array in (folded, position, wxyz):
@@ -233,15 +235,21 @@ class Chain:
     @property
     def ranges_rad(self) -> Array:
         """(J, 2) smallest and largest angle of each hinge; infinite where it turns freely."""
-        return self.module.ranges_rad[self.module.joint.row(self._holders)].reshape(-1, 2)
+        return self.module.ranges_behind(self._holders).reshape(-1, 2)
 
-    def stops_rad(self, early_rad: float = 0.0) -> Array:
+    def stops_rad(self, early_rad: float = 0.0, joints: slice = slice(None)) -> Array:
         """Return (J, 2) finite angles at which motions of the hinges stop.
 
         Args:
-            early_rad: Angle before the ends of their ranges at which they do.
+            early_rad: Angle before the ends of their ranges at which they do; but the folded and
+                the extended chain lie between the stops.
+            joints: Joints whose hinges are meant; all by default.
         """
-        return self.module.stops_behind(self._holders, early_rad).reshape(-1, 2)
+        low, high = self.module.stops_behind(self._holders[joints]).reshape(-1, 2).T
+        folded = self.folded_rad.reshape(-1, self.module.hinges_per_joint)[joints].ravel()
+        low = np.minimum(low + early_rad, np.maximum(low, np.minimum(folded, 0.0)))
+        high = np.maximum(high - early_rad, np.minimum(high, np.maximum(folded, 0.0)))
+        return np.stack([low, high], axis=1)
 
     @property
     def _holders(self) -> Ints:
@@ -284,6 +292,13 @@ class Chain:
             root_position=root_position,
             root_wxyz=root_wxyz,
         )
+
+
+def _range_text(low: float, high: float) -> str:
+    least, most = np.rad2deg(low), np.rad2deg(high)
+    if low == -high:
+        return f"at most {most:g}° in either direction"
+    return f"{least:g}° to {most:g}°"
 
 
 def check_overlap(chain: Chain) -> None:

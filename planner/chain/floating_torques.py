@@ -12,7 +12,7 @@ import numpy as np
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.module import Module
 from foldback.planner.core import many_floating_torques, many_path_torques
-from foldback.planner.core.structures import Lumps
+from foldback.planner.core.structures import ChainModel, Lumps
 from foldback.planner.cpu_cores import cores
 
 
@@ -82,16 +82,21 @@ def _compute(
     out: Sequence[Array],
 ) -> None:
     """Call a kernel with (F, J) arrays that it reads and writes, some frames for each core."""
-    joint = module.joint if stretch is None else module.joint.window(stretch.first)
-    ends = Lumps.none() if stretch is None else stretch.lumps
+    hinges = motion[0].shape[1]
+    if stretch is None:
+        joint, first, lumps = module.joint, 0, Lumps.none()
+        count = module.module_count(hinges)
+    else:
+        first, lumps = stretch.first, stretch.lumps
+        joint, count = module.joint.window(first), hinges // module.hinges_per_joint + 1
+    masses = module.masses(first + count)[first:]
+    model = ChainModel(joint, masses, module.moments, lumps, False, 0)
     read = [np.ascontiguousarray(array) for array in motion]
 
     def of(part: slice) -> None:
         kernel(
             *(array[part] for array in read),
-            joint,
-            module.moments,
-            ends,
+            model,
             *(array[part] for array in out),
         )
 

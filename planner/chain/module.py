@@ -211,6 +211,10 @@ class Module:
 
     def link(self, module: int) -> Link:
         """Return the link between a module of a chain and the next one."""
+        row = self.joint.row(module)
+        return Link(*(column[row] for column in self.joint[3:]))
+
+    def _link(self, module: int) -> Link:
         before, behind = self.piece(module), self.piece(module + 1)
         turn = before.exit_axes @ behind.entry_axes.T
         if self.rest_rad is not None:
@@ -226,6 +230,14 @@ class Module:
         return frozen(ranges - rest[:, None, None])
 
     @cached_property
+    def longest_link(self) -> float:
+        """Longest way from a module's centre by a joint to the next one's, in pitches."""
+        anchors, offsets = (
+            np.linalg.norm(ends, axis=1) for ends in (self.joint.anchor, self.joint.offset)
+        )
+        return float((anchors + offsets).max())
+
+    @cached_property
     def largest_angle_rad(self) -> float:
         """Largest angle of any hinge, either way."""
         return float(np.abs(self.stops_behind(np.arange(len(self.pattern)))).max())
@@ -236,17 +248,16 @@ class Module:
         ends = [np.nan_to_num(p.ranges_rad) - np.nan_to_num(p.stops_rad) for p in self.pieces]
         return float(np.abs(ends).max())
 
-    def stops_behind(self, modules: IndexT, early_rad: float = 0.0) -> Array:
+    def ranges_behind(self, modules: IndexT) -> Array:
+        """Return (…, K, 2) ranges of the hinges behind modules; infinite for those without one."""
+        return self.ranges_rad[modules % len(self.pattern)]
+
+    def stops_behind(self, modules: IndexT) -> Array:
         """Return (…, K, 2) angles at which motions of the hinges behind modules stop.
 
         Hinges without a range have angles, too, that no motion exceeds.
-
-        Args:
-            modules: The modules.
-            early_rad: Angle before the ends of their ranges at which they do.
         """
-        ranges = np.clip(self.ranges_rad, -MAX_FREE_TURN_RAD, MAX_FREE_TURN_RAD)
-        return ranges[modules % len(self.pattern)] + early_rad * np.array([1.0, -1.0])
+        return np.clip(self.ranges_behind(modules), -MAX_FREE_TURN_RAD, MAX_FREE_TURN_RAD)
 
     @cached_property
     def volume(self) -> float:
@@ -371,7 +382,7 @@ class Module:
     def joint(self) -> Joint:
         """The joints as kernels take them: a row for each kind of link."""
         kinds, first = self._link_kinds
-        links = [self.link(module) for module in first.tolist()]
+        links = [self._link(module) for module in first.tolist()]
         columns = (frozen(column) for column in zip(*links, strict=True))
         return Joint(self.rigid_links, 0, kinds, *columns)
 

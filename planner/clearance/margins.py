@@ -201,8 +201,7 @@ def _proof_motions(chain: Chain, motion: Motion) -> list[tuple[Motion, int]]:
 def _deviations(chain: Chain, motion: Motion, probability: float) -> float:
     """Return κ of lemma 12: exp(−κ² / 2) times the number of events is the failure probability."""
     module, n = chain.module, len(chain)
-    length = float(np.linalg.norm(module.anchor) + np.linalg.norm(module.offset))
-    reach = length * n + 2.0 * module.radius
+    reach = module.longest_link * n + 2.0 * module.radius
     speed = reach * _largest_turning(chain, motion)
     moments = len(motion) * math.ceil(speed / (2.0 * SPARE_PITCH) + 1.0)
     events = len(module.hull.vertices) * (n * (n - 1) / 2) * moments
@@ -365,7 +364,8 @@ class _Search:
         poses = forward_kinematics(module, between_frames(chain, self.motion, place.frame))
         clearance = pair_clearance(module, poses, place.modules, module_size=errors.size)
         x = poses.positions
-        arm = module.radius * errors.size + float(np.linalg.norm(module.anchor))
+        anchors = np.linalg.norm(module.joint.anchor, axis=1)
+        arm = module.radius * errors.size + float(anchors.max())
         from_a, from_b = (np.linalg.norm(x[i:j] - x[k], axis=1) + arm for k in (i, j))
         longest = float(np.minimum(from_a, from_b).max())
         levers = Levers(longest, float(from_b.sum()), float(from_b @ from_b))

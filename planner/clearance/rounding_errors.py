@@ -47,8 +47,7 @@ def clearance_rounding(chain: Chain, motion: Motion, module_size: float) -> floa
     link += (not is_exact) * (hinges + 1) * 40.0 * u
     poses = 3.0 if motion.is_windowed and not is_tail_exact else 2.0  # the third of the tail
     links = poses * (link + 24.0 * u)
-    lengths = np.linalg.norm(joint.anchor, axis=1) + np.linalg.norm(joint.offset, axis=1)
-    length = float(lengths.max())
+    length = module.longest_link
     thickness = 2.0 * module.radius * module_size
     reach = length * count + thickness
     bound = reach * (count * links + 256.0 * u)

@@ -39,7 +39,6 @@ from foldback.planner.core.structures import (
     Levers,
     Link,
     Loads,
-    Lumps,
     ModuleStates,
     Overlap,
     PairContacts,
@@ -1000,16 +999,12 @@ def window_histograms(sums: Int32s, size: int, full: int, levels: int) -> tuple[
         levels: Into how many steps fullness is told apart.
     """
 
-def many_floating_torques(
-    q: Array, qd: Array, qdd: Array, joint: Joint, inertia: Array, lumps: Lumps, out: Array
-) -> None:
+def many_floating_torques(q: Array, qd: Array, qdd: Array, model: ChainModel, out: Array) -> None:
     """Write the (F, J) hinge torques of motions of a free chain that has no momentum.
 
     Args:
         q, qd, qdd: (F, J) hinge angles, rates and accelerations.
-        joint: The chain's joints.
-        inertia: (T, 3) principal moments of modules of mass 1, see ``ChainModel``.
-        lumps: Rigid bodies at both ends.
+        model: Inertial parameters of the chain; it has no fixed base, and no root counts.
         out: (F, J) written, in module mass · pitch² / s²; NaN where the motion is not finite.
     """
 
@@ -1017,9 +1012,7 @@ def many_path_torques(
     q: Array,
     first: Array,
     second: Array,
-    joint: Joint,
-    inertia: Array,
-    lumps: Lumps,
+    model: ChainModel,
     a: Array,
     b: Array,
 ) -> None:
@@ -1027,9 +1020,7 @@ def many_path_torques(
 
     Args:
         q, first, second: (F, J) hinge angles and their derivatives by u.
-        joint: The chain's joints.
-        inertia: (T, 3) principal moments of modules of mass 1, see ``ChainModel``.
-        lumps: Rigid bodies at both ends.
+        model: Inertial parameters of the chain; it has no fixed base, and no root counts.
         a, b: (F, J) written; NaN where the path is not finite.
     """
 

@@ -24,11 +24,11 @@ struct FloatingBody {
   Vector<Lanes> moment;  // torque, or angular momentum, about the centre of mass
 };
 
-// R diag(inertia) Rᵀ.
-Symmetric<Lanes> turned_inertia(const Matrix<Lanes> &R, const double *inertia) {
+// R diag(mass · moments) Rᵀ.
+Symmetric<Lanes> turned_inertia(const Matrix<Lanes> &R, double mass, const double *moments) {
   auto element = [&](int a, int b) {
-    return R(a, 0) * R(b, 0) * inertia[0] + R(a, 1) * R(b, 1) * inertia[1] +
-           R(a, 2) * R(b, 2) * inertia[2];
+    return R(a, 0) * R(b, 0) * (mass * moments[0]) + R(a, 1) * R(b, 1) * (mass * moments[1]) +
+           R(a, 2) * R(b, 2) * (mass * moments[2]);
   };
   return {element(0, 0), element(0, 1), element(0, 2), element(1, 1), element(1, 2), element(2, 2)};
 }
@@ -43,15 +43,15 @@ Vector<Lanes> shifted(const Vector<Lanes> &a, const Vector<Lanes> &alpha,
 // of one vector, each computed as it would be by itself.
 class FloatingTorques {
  public:
-  FloatingTorques(const Joint &joint, View<const double, 2> inertia, const Lumps &lumps,
-                  Index modules)
-      : joint_(joint),
-        inertia_(inertia),
-        lumps_(lumps),
-        n_(modules),
-        bodies_(modules + 2),
-        links_(modules),
-        axes_(modules * joint.hinges()) {}
+  explicit FloatingTorques(const ChainModel &model)
+      : joint_(model.joint),
+        masses_(model.masses),
+        inertia_(model.inertia),
+        lumps_(model.lumps),
+        n_(model.masses.size()),
+        bodies_(n_ + 2),
+        links_(n_),
+        axes_(n_ * joint_.hinges()) {}
 
   // Place the chain with (J,) hinge angles.
   void place(const Lanes *q) {
@@ -87,9 +87,9 @@ class FloatingTorques {
     Vector<Lanes> position{};
     for (Index i = 0; i < n_; ++i) {
       FloatingBody &body = bodies_[i];
-      body.mass = 1.0;
+      body.mass = masses_[i];
       body.position = position;
-      body.inertia = turned_inertia(rotation, inertia_[joint_.row(i)].data());
+      body.inertia = turned_inertia(rotation, body.mass, inertia_[joint_.row(i)].data());
       for (int end = 0; end < 2; ++end)
         if (i == end * (n_ - 1)) place_lump(end, position, rotation);
       if (i + 1 == n_) return;
@@ -114,7 +114,7 @@ class FloatingTorques {
     lump_arms_[end] = rotate(rotation, lumps_.centres[end].data());
     lump.mass = lumps_.masses[end];
     lump.position = position + lump_arms_[end];
-    lump.inertia = turned_inertia(multiply(rotation, load_matrix(lumps_.axes[end].data())),
+    lump.inertia = turned_inertia(multiply(rotation, load_matrix(lumps_.axes[end].data())), 1.0,
                                   lumps_.moments[end].data());
   }
 
@@ -223,8 +223,9 @@ class FloatingTorques {
     Vector<Lanes> moment = cross(lump.position, force) + lump.moment;
     for (Index i = n_ - 1; i > joint_.rigid_links; --i) {
       const FloatingBody &body = bodies_[i];
-      force = force + body.acceleration;
-      moment = moment + cross(body.position, body.acceleration) + body.moment;
+      const Vector<Lanes> own = scaled(body.acceleration, body.mass);
+      force = force + own;
+      moment = moment + cross(body.position, own) + body.moment;
       Vector<Lanes> about_pivot = moment - cross(links_[i - 1].pivot, force);
       for (Index k = 0; k < hinges; ++k)
         out[joint_.first_hinge(i - 1) + k] = dot(axes_[(i - 1) * hinges + k], about_pivot);
@@ -232,6 +233,7 @@ class FloatingTorques {
   }
 
   const Joint &joint_;
+  View<const double, 1> masses_;
   View<const double, 2> inertia_;
   const Lumps &lumps_;
   Index n_;
@@ -268,20 +270,16 @@ class LaneRows {
   std::vector<Lanes> lanes_;
 };
 
-FloatingTorques floating_torques_of(View<const double, 2> q, const Joint &joint,
-                                    View<const double, 2> inertia, const Lumps &lumps) {
-  require_joint(joint);
-  require_lumps(lumps);
-  require(joint.hinges() > 0, "joint.axes: at least one hinge");
-  require(q.axis(1) % joint.hinges() == 0, "q: (F, J), all hinges of joints");
-  require_inertia(inertia, joint);
-  return {joint, inertia, lumps, q.axis(1) / joint.hinges() + 1 + joint.rigid_links};
+void require_configurations_of(View<const double, 2> q, const ChainModel &model) {
+  require_model(model);
+  const Index hinges = model.joint.first_hinge(model.masses.size() - 1);
+  require(q.axis(1) == std::max<Index>(0, hinges), "q: (F, J) of that many modules");
 }
 
 void many_floating_torques(View<const double, 2> q, View<const double, 2> qd,
-                           View<const double, 2> qdd, Joint joint, View<const double, 2> inertia,
-                           Lumps lumps, View<double, 2> out) {
-  FloatingTorques torques = floating_torques_of(q, joint, inertia, lumps);
+                           View<const double, 2> qdd, ChainModel model, View<double, 2> out) {
+  require_configurations_of(q, model);
+  FloatingTorques torques(model);
   require(qd.shape() == q.shape() && qdd.shape() == q.shape() && out.shape() == q.shape(),
           "q, qd, qdd, out: (F, J)");
   nanobind::gil_scoped_release release;
@@ -299,9 +297,10 @@ void many_floating_torques(View<const double, 2> q, View<const double, 2> qd,
 // Write a and b of the torques a ü + b u̇² along a path: those of q̇ = 0, q̈ = q' and of q̇ = q',
 // q̈ = q''.
 void many_path_torques(View<const double, 2> q, View<const double, 2> first,
-                       View<const double, 2> second, Joint joint, View<const double, 2> inertia,
-                       Lumps lumps, View<double, 2> a, View<double, 2> b) {
-  FloatingTorques torques = floating_torques_of(q, joint, inertia, lumps);
+                       View<const double, 2> second, ChainModel model, View<double, 2> a,
+                       View<double, 2> b) {
+  require_configurations_of(q, model);
+  FloatingTorques torques(model);
   require(first.shape() == q.shape() && second.shape() == q.shape(), "q, first, second: (F, J)");
   require(a.shape() == q.shape() && b.shape() == q.shape(), "a, b: (F, J)");
   nanobind::gil_scoped_release release;
@@ -324,10 +323,10 @@ void many_path_torques(View<const double, 2> q, View<const double, 2> first,
 void bind_floating_torques(nanobind::module_ &m) {
   namespace nb = nanobind;
   m.def("many_floating_torques", many_floating_torques, nb::arg("q"), nb::arg("qd"), nb::arg("qdd"),
-        nb::arg("joint"), nb::arg("inertia"), nb::arg("lumps"), nb::arg("out"),
+        nb::arg("model"), nb::arg("out"),
         "Write the (F, J) hinge torques of motions of a free chain that has no momentum.");
   m.def("many_path_torques", many_path_torques, nb::arg("q"), nb::arg("first"), nb::arg("second"),
-        nb::arg("joint"), nb::arg("inertia"), nb::arg("lumps"), nb::arg("a"), nb::arg("b"),
+        nb::arg("model"), nb::arg("a"), nb::arg("b"),
         "Write (F, J) a and b of the torques a ü + b u̇² along a path q(u) of such a chain.");
 }
 

@@ -91,9 +91,10 @@ def no_quarter_turn(chain: Chain, *, module_size: float) -> QuarterTurnEvidence 
     """
     angles, turns = chain.folded_rad, list[Turn]()
     before = _overlapping(chain, angles, module_size)
+    low, high = chain.stops_rad().T
     for hinge in range(len(angles)):
         for change in (-QUARTER_RAD, QUARTER_RAD):
-            if abs(angles[hinge] + change) > chain.module.angle_limit_rad:
+            if not low[hinge] <= angles[hinge] + change <= high[hinge]:
                 continue
             turn = _turn(
                 chain, angles, hinge, change * np.array(QUARTER_TRIALS), module_size, before

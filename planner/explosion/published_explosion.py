@@ -87,7 +87,8 @@ def explode_as_published(
         parameters=p,
     )
     record = run(explosion, "simultaneous")
-    snapshots = quantised(np.array(explosion.snapshots), chain.module.angle_limit_rad)
+    snapshots = np.array(explosion.snapshots).reshape(-1, len(chain.folded_rad))
+    snapshots = quantised(snapshots, chain.stops_rad())
     return replace(record, snapshots_rad=snapshots)
 
 

@@ -77,39 +77,24 @@ def _lines(chain: Chain, module_size: float) -> Iterator[str]:
         geom = f'type="box" size="{_numbers(hull.max(axis=0))}" {surface}'
     yield f'  <default><geom {geom}/><site size="0.02" group="4"/></default>'
     yield "  <worldbody>"
-    place = module.anchor + module.turn @ module.offset
-    body = f'pos="{_numbers(place)}" quat="{_numbers(wxyz_from_matrix(module.turn))}"'
-    limit = module.angle_limit_rad
-    turns = [
-        f'pos="{_numbers(-module.offset)}" axis="{_numbers(module.turn.T @ axis)}" '
-        f'range="{-limit!r} {limit!r}"'
-        for axis in module.axes
-    ]
 
-    def inertial(mass: float) -> str:
-        return (
-            f'<inertial pos="0 0 0" mass="{mass!r}" '
-            f'diaginertia="{_numbers(module.inertia * mass)}"/>'
-        )
-
-    def joints(index: int) -> str:
-        names = hinge_names(chain, index)
-        return "".join(
-            f'<joint name="{name}" {turn}/>' for name, turn in zip(names, turns, strict=False)
-        )
+    def inertial(index: int, mass: float) -> str:
+        moments = _numbers(module.piece(index).inertia * mass)
+        return f'<inertial pos="0 0 0" mass="{mass!r}" diaginertia="{moments}"/>'
 
     def named(index: int) -> str:
         return f'<geom name="module_{index}"/><site name="module_{index}"/>'
 
-    full_inertial, half = inertial(1.0), inertial(0.5)
+    masses = module.masses(count).tolist()
     for k, start in enumerate(starts):
         stop = starts[k + 1] if k + 1 < len(starts) else count
         yield f'<body name="module_{start}"><freejoint name="root_{start}"/>'
-        yield f"{half if k else full_inertial}{named(start)}"
+        yield f"{inertial(start, 0.5 * masses[start] if k else masses[start])}{named(start)}"
         for i in range(start + 1, stop):
-            yield f'<body name="module_{i}" {body}>{joints(i - 1)}{full_inertial}{named(i)}'
+            yield f'<body name="module_{i}" {_linked(chain, i)}{inertial(i, masses[i])}{named(i)}'
         if stop < count:
-            yield f'<body name="ghost_{stop}" {body}>{joints(stop - 1)}{half}</body>'
+            half = inertial(stop, 0.5 * masses[stop])
+            yield f'<body name="ghost_{stop}" {_linked(chain, stop)}{half}</body>'
         yield "</body>" * (stop - start)
     yield "  </worldbody>"
     yield "  <contact>"
@@ -123,6 +108,20 @@ def _lines(chain: Chain, module_size: float) -> Iterator[str]:
             'solref="0.02 1" solimp="0.9999 0.9999 0.001 0.5 2"/>'
         )
     yield "  </equality>"
+
+
+def _linked(chain: Chain, index: int) -> str:
+    """Return the pose of the body of a module in that of the module before it, and its hinges."""
+    anchor, axes, turn, offset = chain.module.link(index - 1)
+    names = hinge_names(chain, index - 1)
+    stops = chain.module.stops_behind(index - 1)
+    hinges = "".join(
+        f'<joint name="{name}" pos="{_numbers(-offset)}" axis="{_numbers(turn.T @ axis)}" '
+        f'range="{_numbers(ends)}"/>'
+        for name, axis, ends in zip(names, axes, stops, strict=False)
+    )
+    place = _numbers(anchor + turn @ offset)
+    return f'pos="{place}" quat="{_numbers(wxyz_from_matrix(turn))}">{hinges}'
 
 
 def _numbers(values: Any) -> str:

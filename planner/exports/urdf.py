@@ -8,6 +8,7 @@ ways. A universal joint is two revolute ones with a small link between them.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 from xml.etree import ElementTree  # nosec B405 (it writes, and reads nothing)
@@ -55,30 +56,24 @@ class Side:
     axes: Array
 
 
-def outward(module: Module) -> Side:
-    """Return the joint by which module i + 1 hangs from module i."""
-    return Side(
-        rpy=_rpy(module.turn),
-        anchor=module.anchor,
-        axes=module.axes @ module.turn,
-    )
+def outward(module: Module, index: int) -> Side:
+    """Return the joint by which module ``index`` + 1 hangs from module ``index``."""
+    anchor, axes, turn, _ = module.link(index)
+    return Side(rpy=_rpy(turn), anchor=anchor, axes=axes @ turn)
 
 
-def inward(module: Module) -> Side:
-    """Return the joint by which module i hangs from module i + 1, the same seen from there."""
-    return Side(
-        rpy=_rpy(module.turn.T),
-        anchor=-module.offset,
-        axes=-module.axes[::-1],
-    )
+def inward(module: Module, index: int) -> Side:
+    """Return the joint by which module ``index`` hangs from module ``index`` + 1."""
+    _, axes, turn, offset = module.link(index)
+    return Side(rpy=_rpy(turn.T), anchor=-offset, axes=-axes[::-1])
 
 
 def centre_of(chain: Chain, index: int) -> Array:
     """Return (3,) the module's centre in the frame of link ``module_<index>``, in metres."""
     if index == chain.root:
         return np.zeros(3)
-    module = chain.module
-    return (module.offset if index > chain.root else -module.anchor) * chain.pitch_m
+    link = chain.module.link(index - 1 if index > chain.root else index)
+    return (link.offset if index > chain.root else -link.anchor) * chain.pitch_m
 
 
 def write(plan: Plan) -> bytes:
@@ -100,8 +95,6 @@ def write(plan: Plan) -> bytes:
     ElementTree.SubElement(extension, "compiler", fusestatic="false")
     mass = float(plan.parameters["density_kg_m3"]) * module.volume * chain.pitch_m**3
     limit = {
-        "lower": repr(-module.angle_limit_rad),
-        "upper": repr(module.angle_limit_rad),
         "effort": repr(plan.certificate.gravity_torque_straight_nm),
         "velocity": repr(plan.certificate.joint_speed_limit_rad_s),
     }
@@ -137,14 +130,16 @@ def _linked(
 ) -> dict[str, ElementTree.Element]:
     """Return the joints by name that tie a module to its parent; add the links between them."""
     outwards = index > parent
-    side = outward(chain.module) if outwards else inward(chain.module)
-    names = hinge_names(chain, min(index, parent))[:: 1 if outwards else -1]
+    before, order = min(index, parent), 1 if outwards else -1
+    side = (outward if outwards else inward)(chain.module, before)
+    names = hinge_names(chain, before)[::order]
+    ranges = chain.module.ranges_behind(before)[::order].tolist()
     links = [f"module_{parent}", *(f"hinge_{name}" for name in names[:-1]), f"module_{index}"]
     for name in links[1:-1]:
         link = ElementTree.SubElement(robot, "link", name=name)
-        _add_inertial(
-            link, chain, np.zeros(3), hinge_mass, min_inertia=MIN_HINGE_LINK_INERTIA_KG_M2
-        )
+        inertia = chain.module.piece(parent).inertia * (hinge_mass * chain.pitch_m**2)
+        moments = np.maximum(inertia, MIN_HINGE_LINK_INERTIA_KG_M2)
+        _add_inertial(link, np.zeros(3), hinge_mass, moments)
     anchor = centre_of(chain, parent) + side.anchor * chain.pitch_m
     if not names:
         name = f"rigid_{min(index, parent)}"
@@ -152,9 +147,13 @@ def _linked(
     joints: dict[str, ElementTree.Element] = {}
     for k, name in enumerate(names):
         origin, rpy = (anchor, side.rpy) if k == 0 else (np.zeros(3), NO_ROTATION_RPY)
-        joint = _joint(name, "revolute", links[k], links[k + 1], origin, rpy)
+        low, high = ranges[k]
+        has_range = math.isfinite(low)
+        kind = "revolute" if has_range else "continuous"
+        joint = _joint(name, kind, links[k], links[k + 1], origin, rpy)
         ElementTree.SubElement(joint, "axis", xyz=_numbers(side.axes[k]))
-        ElementTree.SubElement(joint, "limit", limit)
+        ends = {"lower": repr(low), "upper": repr(high)} if has_range else {}
+        ElementTree.SubElement(joint, "limit", ends | limit)
         joints[name] = joint
     return joints
 
@@ -174,7 +173,8 @@ def _add_module(
 ) -> None:
     link = ElementTree.SubElement(robot, "link", name=f"module_{index}")
     centre = centre_of(chain, index)
-    _add_inertial(link, chain, centre, mass)
+    inertia = chain.module.piece(index).inertia * (mass * chain.pitch_m**2)
+    _add_inertial(link, centre, mass, inertia)
     for part in ("visual", "collision"):
         element = ElementTree.SubElement(link, part)
         _add_origin(element, centre)
@@ -186,16 +186,13 @@ def _add_module(
             ElementTree.SubElement(geometry, "mesh", filename=MESH_FILE)
 
 
-def _add_inertial(
-    link: ElementTree.Element, chain: Chain, centre: Array, mass: float, *, min_inertia: float = 0.0
-) -> None:
+def _add_inertial(link: ElementTree.Element, centre: Array, mass: float, moments: Array) -> None:
     inertial = ElementTree.SubElement(link, "inertial")
     _add_origin(inertial, centre)
     ElementTree.SubElement(inertial, "mass", value=repr(mass))
-    inertia = np.maximum(chain.module.inertia * (mass * chain.pitch_m**2), min_inertia)
-    ixx, iyy, izz = inertia.tolist()
-    moments = {"ixx": ixx, "ixy": 0.0, "ixz": 0.0, "iyy": iyy, "iyz": 0.0, "izz": izz}
-    ElementTree.SubElement(inertial, "inertia", {k: repr(v) for k, v in moments.items()})
+    ixx, iyy, izz = moments.tolist()
+    inertia = {"ixx": ixx, "ixy": 0.0, "ixz": 0.0, "iyy": iyy, "iyz": 0.0, "izz": izz}
+    ElementTree.SubElement(inertial, "inertia", {k: repr(v) for k, v in inertia.items()})
 
 
 def _joint(

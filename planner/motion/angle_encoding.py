@@ -41,12 +41,20 @@ PLANES_NAME: Final = "angle_planes"
 each byte of the 32-bit differences."""
 
 
-def quantised(angles_rad: NDArray[np.floating[Any]], limit_rad: float = np.inf) -> Array:
-    """Return angles rounded to whole steps, ±``limit_rad`` at most; NaN stays NaN, −0 becomes 0."""
-    max_steps = np.floor(limit_rad / PLAN_STEP_RAD)
+NO_STOPS: Final = np.array([-np.inf, np.inf])
+
+
+def quantised(angles_rad: NDArray[np.floating[Any]], stops_rad: Array = NO_STOPS) -> Array:
+    """Return angles rounded to whole steps; NaN stays NaN, −0 becomes 0.
+
+    Args:
+        angles_rad: (…, J) angles.
+        stops_rad: (J, 2) or (2,) smallest and largest angle of each hinge, or of all.
+    """
+    low, high = np.ceil(stops_rad.T[0] / PLAN_STEP_RAD), np.floor(stops_rad.T[1] / PLAN_STEP_RAD)
     scaled: Array = angles_rad.astype(np.float64)
     scaled /= PLAN_STEP_RAD  # in place: of 100 000 modules there are 30 million angles
-    np.clip(np.rint(scaled, out=scaled), -max_steps, max_steps, out=scaled)
+    np.clip(np.rint(scaled, out=scaled), low, high, out=scaled)
     scaled *= PLAN_STEP_RAD
     scaled += 0.0  # planes hold no −0, and a plan's digest is that of the numbers in its file
     return scaled

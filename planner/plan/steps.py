@@ -163,12 +163,13 @@ def hinge_axis(module: Module, turn: Turn, poses: Poses) -> tuple[Array, Array]:
         (3,) unit vector and (3,) point in pitches, in the frame of the poses.
     """
     front = poses.rotations[turn.module]
-    pivot = poses.positions[turn.module] + front @ module.anchor
+    anchor, axes, joint_turn, _ = module.link(turn.module)
+    pivot = poses.positions[turn.module] + front @ anchor
     inner = turn.hinge % module.hinges_per_joint
     # The inner hinge of a universal joint turns with the outer one; it is fixed in the next module.
-    axis = module.axes[inner]
+    axis = axes[inner]
     if inner == module.hinges_per_joint - 1:
-        world = poses.rotations[turn.module + 1] @ module.turn.T @ axis
+        world = poses.rotations[turn.module + 1] @ joint_turn.T @ axis
     else:
         world = front @ axis
     side = 1.0 if turn.moves[0] > turn.module else -1.0

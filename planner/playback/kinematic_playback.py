@@ -133,7 +133,9 @@ def _as_recorded(
     s_per_rad = parameters.step_s * parameters.steps_per_rad
     if recorded.is_windowed:
         # The stops of a simulated joint give a little.
-        angles = quantised(backwards.angles_rad, chain.module.angle_limit_rad).astype(np.float32)
+        farthest = chain.module.largest_angle_rad
+        angles = quantised(backwards.angles_rad, np.array([-farthest, farthest]))
+        angles = angles.astype(np.float32)
         lengths = np.concatenate([[0.0], np.cumsum(backwards.steps(chain)[0])])
         total = float(lengths[-1])
         scaling = smooth_scaling(steps=SCALING_STEPS, step_s=1.0 / SCALING_STEPS)

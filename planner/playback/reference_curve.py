@@ -89,8 +89,8 @@ class Reference:
         controls[0], controls[-1] = angles[0], angles[-1]
         # The stops of a simulated joint give a little. A B-spline stays within its control points,
         # and what follows it within its joint errors.
-        limit = chain.module.angle_limit_rad - JOINT_LIMIT_MARGIN_RAD
-        np.clip(controls, -limit, limit, out=controls)
+        low, high = chain.stops_rad(JOINT_LIMIT_MARGIN_RAD).T
+        np.clip(controls, low, high, out=controls)
         from scipy.interpolate import BSpline  # late: who reads a plan draws no curve
 
         spline = BSpline(knots, controls, SPLINE_DEGREE)

@@ -97,7 +97,7 @@ class TableCurve(WindowCurve):
                 frame_poses = Poses(positions=poses.positions[i], rotations=poses.rotations[i])
                 turns[int(part[i])] = self._turn(int(part[i]), angles[i], frame_poses, targets[i])
         for k, turn in turns.items():
-            self._points[k] = np.clip(self._points[k] + turn, -self._limit, self._limit)
+            self._points[k] = np.clip(self._points[k] + turn, *self._stops.T)
         around = np.unique(np.array([*turns], dtype=np.int64)[:, None] + np.arange(-1, 2))
         return around[(around >= 2) & (around < len(self._points) - 2)]
 

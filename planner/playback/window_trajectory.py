@@ -105,7 +105,7 @@ class WindowCurve:
         before = self._after - 1
         self.first = np.minimum(windows.first[before], windows.first[self._after])
         self.last = np.maximum(windows.last[before], windows.last[self._after])
-        self._limit = chain.module.angle_limit_rad - JOINT_LIMIT_MARGIN_RAD
+        self._stops = chain.stops_rad(JOINT_LIMIT_MARGIN_RAD)
 
     @property
     def end(self) -> float:
@@ -135,7 +135,7 @@ class WindowCurve:
         after, part = int(self._after[k]), float(self._part[k])
         before = self._angles(after - 1, hinges)
         angles = before + part * (self._angles(after, hinges) - before)
-        return np.clip(angles, -self._limit, self._limit)
+        return np.clip(angles, *self._stops[hinges].T)
 
     def _angles(self, frame: int, hinges: slice) -> Array:
         """Return the (H,) angles of one window, folded before it and straight behind, rad."""
@@ -191,7 +191,7 @@ class WindowTrajectory:
         self._start_s = start_s
         self.robots = parameters.robot.robots
         self._backwards = record[::-1]
-        self._ends = RigidEnds(chain, np.ones(len(chain)))
+        self._ends = RigidEnds(chain, chain.module.masses(len(chain)))
         # Some room is left for the robots' joint errors.
         room = min(REFERENCE_CLEARANCE_PITCH, 0.25 * (1.0 - module_size))
         while True:

@@ -53,12 +53,13 @@ def build_chain_model(
         chain: The chain.
         root: Index of the module whose pose is part of the state.
         fixed_base: True if module 0 is held; it must be the root.
-        masses: (n,) masses of the modules; 1 each by default. Inertias are in proportion.
+        masses: (n,) masses of the modules; those of their pieces by default. Inertias are in
+            proportion.
         lumps: Rigid bodies at both ends; none by default.
     """
     return ChainModel(
         chain.module.joint,
-        np.ones(len(chain)) if masses is None else masses,
+        chain.module.masses(len(chain)) if masses is None else masses,
         chain.module.moments,
         Lumps.none() if lumps is None else lumps,
         fixed_base,

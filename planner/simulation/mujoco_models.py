@@ -187,8 +187,9 @@ def _add_linked(parent: Any, name: str, link: _Link) -> Any:
 
 def _hinges(chain: Chain, index: int, material: Material) -> list[tuple[str, list[float]]]:
     """Return names and stops of the hinges between modules ``index`` and ``index + 1``."""
-    stops = chain.module.stops_behind(index, material.stops_early_rad)
-    return list(zip(hinge_names(chain, index), stops.tolist(), strict=False))
+    names, joint = hinge_names(chain, index), chain.module.joint_after(index)
+    stops = chain.stops_rad(material.stops_early_rad, slice(joint, joint + 1)) if names else []
+    return [(name, [low, high]) for name, (low, high) in zip(names, stops, strict=True)]
 
 
 def _add_hinge(
@@ -241,8 +242,9 @@ def tree_spec(
         chain: The chain.
         material: Material of the modules.
         exempt: Pairs of modules that don't collide; all consecutive ones by default.
-        masses: (n,) masses of the modules; 1 each by default.
+        masses: (n,) masses of the modules; those of their pieces by default.
     """
+    masses = chain.module.masses(len(chain)) if masses is None else masses
     spec = base_spec()
     spec.modelname = "foldback"
     module = chain.module
@@ -258,7 +260,7 @@ def tree_spec(
     for i in range(chain.root - 1, -1, -1):
         bodies[i] = add_previous_body(bodies[i + 1], chain, i, names[i], material)
     for i, body in bodies.items():
-        set_inertia(body, chain, i, 1.0 if masses is None else float(masses[i]))
+        set_inertia(body, chain, i, float(masses[i]))
         add_module_geom(body, module, i, material)
         site = body.add_site()
         site.name = names[i]
@@ -297,6 +299,7 @@ def segment_spec(chain: Chain, material: Material, starts: list[int]) -> Any:
     spec = base_spec()
     module = chain.module
     n = len(chain)
+    masses = module.masses(n).tolist()
     if n > MIN_LIMITED_MEMORY_MODULES:
         spec.memory = MODULE_MEMORY_BYTES * n
     add_module_mesh(spec, module, material.geom_size)
@@ -306,16 +309,16 @@ def segment_spec(chain: Chain, material: Material, starts: list[int]) -> Any:
         root = spec.worldbody.add_body()
         root.name = names[start]
         body = root
-        set_inertia(root, chain, start, 1.0 if k == 0 else 0.5)
+        set_inertia(root, chain, start, masses[start] * (1.0 if k == 0 else 0.5))
         root.add_freejoint().name = f"root_{start}"
         add_module_geom(root, module, start, material)
         for i in range(start + 1, stop):
             body = add_next_body(body, chain, i, names[i], material)
-            set_inertia(body, chain, i, 1.0)
+            set_inertia(body, chain, i, masses[i])
             add_module_geom(body, module, i, material)
         if stop < n:
             ghost = add_next_body(body, chain, stop, f"ghost_{stop}", material)
-            set_inertia(ghost, chain, stop, 0.5)
+            set_inertia(ghost, chain, stop, 0.5 * masses[stop])
             weld = spec.add_equality()
             weld.type = mujoco.mjtEq.mjEQ_WELD
             weld.objtype = mujoco.mjtObj.mjOBJ_BODY

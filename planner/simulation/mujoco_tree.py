@@ -83,7 +83,7 @@ class Tree:
         motors: Motors of every hinge; None for a chain without.
         damping: Fraction of its velocity that the chain loses in each step, by the generalised
             force −(damping / step) M q̇, which does not depend on the coordinates.
-        masses: (n,) masses of the modules; 1 each by default.
+        masses: (n,) masses of the modules; those of their pieces by default.
     """
 
     def __init__(

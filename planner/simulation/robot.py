@@ -73,7 +73,8 @@ class RobotErrors:
         self.limit = parameters.motor_limit * peak_torque
         self.stiffness = self.limit / parameters.servo_give
         self.damping = self.stiffness * parameters.damping_s
-        self.masses = 1.0 + parameters.mass_error * rng.standard_normal(n)
+        errors = 1.0 + parameters.mass_error * rng.standard_normal(n)
+        self.masses = chain.module.masses(n) * errors
         self.expected_friction = parameters.joint_friction * peak_torque
         self.friction = self.expected_friction * rng.uniform(0.5, 1.5, hinges)
         self.encoder_rad = parameters.encoder_step

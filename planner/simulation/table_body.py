@@ -155,6 +155,7 @@ def _spec(
     spec = base_spec()
     spec.option.gravity = [0.0, 0.0, -1.0]
     module, n = chain.module, len(chain)
+    masses = module.masses(n).tolist()
     material = Material(
         geom_size=p.geom_size,
         contact_time_constant=p.contact_time,
@@ -173,7 +174,7 @@ def _spec(
     for i in range(n):
         if i:
             body = add_next_body(body, chain, i, names[i], material)
-        set_inertia(body, chain, i, 1.0)
+        set_inertia(body, chain, i, masses[i])
         hull = add_module_geom(body, module, i, material)
         hull.solimp = [p.module_hardness, p.module_hardness, *SOLIMP[2:]]
     exclude(spec, names, module.exempt_pairs(n))

@@ -184,11 +184,13 @@ class Turning:
         angles_rad = QUARTER_RAD * state.astype(float)
         rotations = forward_kinematics(module, angles_rad).rotations[module.rigid_links :]
         axes = np.empty((len(state), 3))
-        axes[:: module.hinges_per_joint] = rotations[:-1] @ module.axes[0]
-        for hinge in range(1, module.hinges_per_joint):
-            axes[hinge :: module.hinges_per_joint] = (
-                rotations[1:] @ module.turn.T @ module.axes[hinge]
-            )
+        joint, hinges = module.joint, module.hinges_per_joint
+        rows = joint.row(module.rigid_links + np.arange(len(rotations) - 1))
+        # The outermost hinge is fixed in the module before it, the innermost one in that behind.
+        axes[::hinges] = (rotations[:-1] @ joint.axes[rows, 0, :, None])[:, :, 0]
+        for hinge in range(1, hinges):
+            inner = joint.turn[rows].swapaxes(1, 2) @ joint.axes[rows, hinge, :, None]
+            axes[hinge::hinges] = (rotations[1:] @ inner)[:, :, 0]
         return np.rint(axes @ [1.0, 2.0, 3.0]).astype(np.int64)
 
     def clear_turns(self, start: Levels, hinges: Ints, changes: Ints, *, room: float) -> int:

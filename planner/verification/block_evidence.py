@@ -98,11 +98,12 @@ def quarter_turns_differ(
     off = float(np.abs(angles_rad - chain.folded_rad).max(initial=0.0))
     if off > SINGLE_PRECISION_ANGLE_RAD:
         yield f"the search has left the folded state: a hinge is off by {off:.3g} rad"
+    low, high = chain.stops_rad().T
     expected = [
         (hinge, sign)
         for hinge, angle in enumerate(chain.folded_rad.tolist())
         for sign in (-1, 1)
-        if abs(angle + sign * QUARTER_RAD) <= chain.module.angle_limit_rad
+        if low[hinge] <= angle + sign * QUARTER_RAD <= high[hinge]
     ]
     turns = stated["turns"]
     if [(turn["hinge"], np.sign(turn["turned_rad"])) for turn in turns] != expected:

@@ -208,10 +208,12 @@ def test_inverse_dynamics_undoes_dynamics(hinges: int) -> None:
     at_rest = state._replace(qd=np.zeros_like(state.q), velocity=np.zeros(3))
     at_rest = at_rest._replace(angular_velocity=np.zeros(3))
     free = np.tile([-np.inf, np.inf], (len(torques), 1))
-    computed = accelerations(joint, np.ones(MODULES), at_rest, torques, free)
+    masses = rng.uniform(0.5, 2.0, MODULES)
+    computed = accelerations(joint, masses, at_rest, torques, free)
     out = np.empty((1, len(torques)))
     motion = (at_rest.q[None], at_rest.qd[None], computed[None])
-    many_floating_torques(*motion, joint, MOMENTS, Lumps.none(), out)
+    model = ChainModel(joint, masses, MOMENTS, Lumps.none(), False, 0)
+    many_floating_torques(*motion, model, out)
     np.testing.assert_allclose(out[0], torques, atol=1e-9)
 
 

@@ -65,7 +65,8 @@ def test_angles_not_in_whole_steps_are_not_rounded() -> None:
 def test_no_angle_is_beyond_its_limit() -> None:
     limit = 100.3 * PLAN_STEP_RAD
     np.testing.assert_array_equal(
-        quantised(np.array([1.0, -1.0, np.nan]), limit) / PLAN_STEP_RAD, [100.0, -100.0, np.nan]
+        quantised(np.array([1.0, -1.0, np.nan]), np.array([-limit, limit])) / PLAN_STEP_RAD,
+        [100.0, -100.0, np.nan],
     )
 
 

@@ -92,14 +92,10 @@ def test_numbers_that_are_not_finite_raise() -> None:
         segments.free_accelerations(state, np.full((12, 3), np.nan))
 
 
-def early(chain: Chain, stop_rad: float) -> float:
-    """Return by how much hinges that stop at an angle stop before the end of their range."""
-    return chain.module.largest_angle_rad - stop_rad
-
-
 def test_chain_is_free_until_it_touches_or_a_hinge_is_at_its_stop() -> None:
     chain = coil(12)
-    segments = Segments(chain, Material(geom_size=1.02, stops_early_rad=early(chain, 1.5)))
+    segments = Segments(chain, Material(geom_size=1.02))
+    segments.stops = np.tile([-1.5, 1.5], (len(chain.folded_rad), 1))
     state = State.at_rest(0.0 * chain.folded_rad, np.zeros(3), np.eye(3))
     near = near_pairs_of(12)
 
@@ -124,12 +120,12 @@ def test_contacts_push_a_chain_with_hinges_at_their_stops(seed: int) -> None:
     state.angles += 0.01 * rng.normal(size=len(state.angles))
     forces = 3.0 * rng.normal(size=(40, 3))
     stop_rad = float(np.sort(np.abs(state.angles))[-8])
-    state.stop_at(chain.stops_rad(early(chain, stop_rad)))
+    stops = np.tile([-stop_rad, stop_rad], (len(state.angles), 1))
+    state.stop_at(stops)
     outwards = np.sign(state.angles) * (np.abs(state.angles) >= stop_rad)
     assert (outwards != 0.0).sum() >= 8
-    segments = Segments(
-        chain, Material(geom_size=1.0, stiffness=3.0, stops_early_rad=early(chain, stop_rad))
-    )
+    segments = Segments(chain, Material(geom_size=1.0, stiffness=3.0))
+    segments.stops = stops
     segments.place(state)
     acceleration = chain_reference.accelerations(segments, state, forces)
     assert acceleration.contacts > 2
