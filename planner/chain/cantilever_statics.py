@@ -19,7 +19,7 @@ def static_torque(chain: Chain, angles_rad: Array) -> float:
     """The largest hinge torque under gravity in its worst direction, in units of m g · pitch.
 
     For a hinge with axis a and the modules beyond it at distances r from it, the torque is
-    m g |a × Σ r| when gravity points the worst way.
+    g |a × Σ m r| when gravity points the worst way.
 
     Args:
         chain: The chain, held at its root.
@@ -27,13 +27,14 @@ def static_torque(chain: Chain, angles_rad: Array) -> float:
     """
     poses = chain.poses(angles_rad, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     axes, anchors = hinge_frames(chain, angles_rad, poses)
-    n = len(chain)
-    upto = np.concatenate([np.zeros((1, 3)), np.cumsum(poses.positions, axis=0)])
+    n, masses = len(chain), chain.module.masses(len(chain))
+    mass = np.concatenate([[0.0], np.cumsum(masses)])
+    upto = np.concatenate([np.zeros((1, 3)), np.cumsum(masses[:, None] * poses.positions, axis=0)])
     joints = chain.module.rigid_links + np.arange(len(anchors))
     outer = (joints >= chain.root)[:, None]  # what hangs on it comes after the joint
-    count = joints[:, None] + 1
+    carried = mass[joints + 1, None]
     sums = np.where(outer, upto[n] - upto[joints + 1], upto[joints + 1])
-    beyond = sums - np.where(outer, n - count, count) * anchors
+    beyond = sums - np.where(outer, mass[n] - carried, carried) * anchors
     torques = np.linalg.norm(np.cross(axes, beyond[:, None]), axis=2)
     return float(torques.max(initial=0.0))
 

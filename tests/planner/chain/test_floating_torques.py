@@ -12,14 +12,19 @@ from foldback.planner.chain.floating_torques import (
 )
 from foldback.planner.simulation.mujoco_models import Material, tree_spec
 from foldback.planner.simulation.mujoco_tree import Tree
-from tests.planner.chains import coil, line, random_angles
+from tests.planner.brackets import BRACKETS
+from tests.planner.chains import coil, line, random_angles, unvalidated
 
 
 def tetrahedra(modules: int) -> Chain:
     return Chain.from_angles(TETRAHEDRON, np.zeros(modules - 1), name="line")
 
 
-@pytest.mark.parametrize("chain", [coil(9), tetrahedra(8)], ids=["cubes", "tetrahedra"])
+@pytest.mark.parametrize(
+    "chain",
+    [coil(9), tetrahedra(8), unvalidated(BRACKETS, np.zeros(8))],
+    ids=["cubes", "tetrahedra", "brackets"],
+)
 def test_torques_agree_with_the_simulated_tree(chain: Chain) -> None:
     tree = Tree(chain, Material(), step_s=0.01)
     rng = np.random.default_rng(3)
@@ -80,11 +85,12 @@ def test_frames_that_are_not_finite_or_too_few_have_no_torques() -> None:
     assert np.isnan(few_spline_derivatives).all()
 
 
-@pytest.mark.parametrize("modules", [5, 14])
-def test_torque_in_the_worst_direction_agrees_with_mujoco(modules: int) -> None:
+@pytest.mark.parametrize(
+    "chain", [line(5), line(14), unvalidated(BRACKETS, np.zeros(8))], ids=["5", "14", "brackets"]
+)
+def test_torque_in_the_worst_direction_agrees_with_mujoco(chain: Chain) -> None:
     # Torques are linear in gravity, so that three directions suffice.
-    chain = line(modules)
-    rng = np.random.default_rng(modules)
+    rng = np.random.default_rng(len(chain))
     model = tree_spec(chain, Material(geom_size=0.1)).compile()
     data = mujoco.MjData(model)
     dofs = [int(model.joint(name).dofadr[0]) for name in chain.joint_names]
