@@ -75,6 +75,16 @@ class Polyhedron:
             if (corners := self._farthest(normal, PLANE_TOLERANCE * extent)) in faces
         )
 
+    @cached_property
+    def box(self) -> tuple[Array, Array] | None:
+        """Centre and half sides of a box along the axes of the frame; None if it is no such box."""
+        low, high = self.corners.min(axis=0), self.corners.max(axis=0)
+        tolerance = PLANE_TOLERANCE * float((high - low).max())
+        at_ends = np.minimum(self.corners - low, high - self.corners) <= tolerance
+        if len(self.corners) != 8 or not at_ends.all():
+            return None
+        return 0.5 * (low + high), 0.5 * (high - low)
+
     def _farthest(self, normal: Array, tolerance: float) -> frozenset[int]:
         """Return the corners that are farthest along a direction."""
         heights = self.corners @ normal

@@ -116,7 +116,8 @@ EXPORTS: Final = (
     Export(
         name="urdf",
         label="Robot model",
-        hint="URDF for ROS and similar tools, in metres; tetrahedra also need module.obj",
+        hint="URDF for ROS and similar tools, in metres; modules that are no boxes also need "
+        "module.obj",
         media_type="application/xml",
         filename="model.urdf",
         write=_by("urdf"),

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import Module, Piece
 from foldback.planner.exports.export import export_name, require_frames, rising
-from foldback.planner.exports.stl import hull_of
+from foldback.planner.exports.stl import piece_mesh
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.steps import find_steps
 
@@ -42,7 +43,9 @@ specification)."""
 Z_UP_TO_Y_UP_XYZW: Final = (-float(np.sqrt(0.5)), 0.0, 0.0, float(np.sqrt(0.5)))
 """Rotation from the planner's frame (z up) to glTF's (y up): −90° about x, as a quaternion (x, y,
 z, w)."""
-MATERIAL: Final = {
+SRGB_GAMMA: Final = 2.2
+"""Exponent by which colour values of a display become linear, as glTF has them."""
+MATERIAL: Final[dict[str, Any]] = {
     "name": "module",
     "pbrMetallicRoughness": {
         "baseColorFactor": (0.8, 0.36, 0.11, 1.0),
@@ -123,28 +126,24 @@ def write(plan: Plan) -> bytes:
     # glTF puts w last.
     turns = np.ascontiguousarray(np.roll(track.wxyzs, -1, axis=-1).swapaxes(0, 1), dtype="<f4")
     edge = plan.certificate.module_size * chain.pitch_m
-    hull = hull_of(chain.module, edge)
-    corners = hull.triangles.reshape(1, -1, 3).astype("<f4")
-    normals = np.repeat(hull.face_normals, 3, axis=0)[None].astype("<f4")
     buffer = Buffer()
-    (position,) = buffer.add(corners, target=GL_ARRAY_BUFFER)
-    (normal,) = buffer.add(normals, target=GL_ARRAY_BUFFER)
+    attributes = [_add_piece(buffer, piece, edge) for piece in chain.module.pieces]
+    looks = _looks(chain)
     (times,) = buffer.add(track.time_s.astype("<f4")[None])
     outputs = list(zip(buffer.add(places), buffer.add(turns), strict=True))
     document: dict[str, Any] = {
         "asset": _asset(plan, track),
         "scene": 0,
         "scenes": [{"nodes": [len(chain)]}],
-        "nodes": _nodes(chain, places, turns),
+        "nodes": _nodes(chain, places, turns, looks),
         "meshes": [
             {
-                "name": chain.module.name,
-                "primitives": [
-                    {"attributes": {"POSITION": position, "NORMAL": normal}, "material": 0}
-                ],
+                "name": f"{chain.module.name}_{k}" if k else chain.module.name,
+                "primitives": [{"attributes": attributes[piece], "material": material}],
             }
+            for k, (piece, material) in enumerate(dict.fromkeys(looks))
         ],
-        "materials": [MATERIAL],
+        "materials": _materials(chain.module),
         "animations": [_animation(times, outputs, plan)],
         "accessors": buffer.accessors,
         "bufferViews": buffer.views,
@@ -169,12 +168,42 @@ def _asset(plan: Plan, track: Track) -> dict[str, Any]:
     }
 
 
-def _nodes(chain: Chain, places: Single, turns: Single) -> list[dict[str, Any]]:
+def _add_piece(buffer: Buffer, piece: Piece, size: float) -> dict[str, int]:
+    """Add the triangles of a piece; return the accessors of their corners and normals."""
+    mesh = piece_mesh(piece, size)
+    corners = mesh.triangles.reshape(1, -1, 3).astype("<f4")
+    normals = np.repeat(mesh.face_normals, 3, axis=0)[None].astype("<f4")
+    (position,) = buffer.add(corners, target=GL_ARRAY_BUFFER)
+    (normal,) = buffer.add(normals, target=GL_ARRAY_BUFFER)
+    return {"POSITION": position, "NORMAL": normal}
+
+
+def _looks(chain: Chain) -> list[tuple[int, int]]:
+    """Return the numbers of each module's piece and material."""
+    pattern, colours = chain.module.pattern, max(1, len(chain.module.colours))
+    return [(pattern[i % len(pattern)], i % colours) for i in range(len(chain))]
+
+
+def _materials(module: Module) -> list[dict[str, Any]]:
+    """Return the materials of a module's own colours, or the usual one."""
+    surface = MATERIAL["pbrMetallicRoughness"]
+    bytes_of = [bytes.fromhex(colour.removeprefix("#")) for colour in module.colours]
+    linear = [[round((v / 255.0) ** SRGB_GAMMA, 4) for v in colour] for colour in bytes_of]
+    return [
+        {**MATERIAL, "pbrMetallicRoughness": {**surface, "baseColorFactor": [*colour, 1.0]}}
+        for colour in linear
+    ] or [MATERIAL]
+
+
+def _nodes(
+    chain: Chain, places: Single, turns: Single, looks: list[tuple[int, int]]
+) -> list[dict[str, Any]]:
     """Return a node for each module, where it is in the end, and one that holds them upright."""
+    meshes = {look: k for k, look in enumerate(dict.fromkeys(looks))}
     nodes: list[dict[str, Any]] = [
         {
             "name": f"module_{i}",
-            "mesh": 0,
+            "mesh": meshes[looks[i]],
             "translation": places[i, -1].tolist(),
             "rotation": turns[i, -1].tolist(),
         }

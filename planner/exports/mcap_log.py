@@ -161,7 +161,7 @@ def write(plan: Plan) -> bytes:
     writer = Writer(file)
     writer.start(Profile.ROS2, WRITER_LIBRARY)
     log = _Log(writer)
-    if plan.chain.module.geom == "box":
+    if not any(urdf.needs_mesh(piece) for piece in plan.chain.module.pieces):
         log.add("/robot_description", times_ns[0], {"data": urdf.write(plan).decode()})
     points = [
         _Point(angles, time_ns - times_ns[0])

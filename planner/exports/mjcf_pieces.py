@@ -15,8 +15,9 @@ import numpy as np
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import Module
 from foldback.planner.chain.rotations import wxyz_from_matrix
-from foldback.planner.simulation.mujoco_models import hinge_names
+from foldback.planner.simulation.mujoco_models import hinge_names, mesh_name
 
 MODULES_PER_TREE = 64
 """Number of modules in each kinematic tree of an MJCF model of a long chain; trees are joined by
@@ -65,17 +66,15 @@ def coordinates(chain: Chain, angles_rad: Array, position: Array, wxyz: Array) -
 def _lines(chain: Chain, module_size: float) -> Iterator[str]:
     module, count = chain.module, len(chain)
     starts = starts_of(chain)
-    hull = module.vertices * module_size
     yield '<mujoco model="foldback">'
     yield '  <compiler angle="radian" autolimits="true"/>'
     yield '  <option gravity="0 0 0"><flag filterparent="disable" autoreset="disable"/></option>'
     surface = 'condim="1" solref="0.03 1" solimp="0.95 0.99 0.005 0.5 2" mass="0"'
-    if module.geom == "mesh":
-        yield f'  <asset><mesh name="module" vertex="{_numbers(hull.ravel())}"/></asset>'
-        geom = f'type="mesh" mesh="module" {surface}'
-    else:
-        geom = f'type="box" size="{_numbers(hull.max(axis=0))}" {surface}'
-    yield f'  <default><geom {geom}/><site size="0.02" group="4"/></default>'
+    meshes, shapes = _shapes(module, module_size)
+    yield from meshes
+    is_single = len(shapes) == len(shapes[0]) == 1
+    alike = f"{shapes[0][0]} " if is_single else ""
+    yield f'  <default><geom {alike}{surface}/><site size="0.02" group="4"/></default>'
     yield "  <worldbody>"
 
     def inertial(index: int, mass: float) -> str:
@@ -83,7 +82,11 @@ def _lines(chain: Chain, module_size: float) -> Iterator[str]:
         return f'<inertial pos="0 0 0" mass="{mass!r}" diaginertia="{moments}"/>'
 
     def named(index: int) -> str:
-        return f'<geom name="module_{index}"/><site name="module_{index}"/>'
+        geoms = (
+            f'<geom name="module_{index}{f"_{k}" if k else ""}"{"" if is_single else f" {shape}"}/>'
+            for k, shape in enumerate(shapes[module.pattern[index % len(module.pattern)]])
+        )
+        return f'{"".join(geoms)}<site name="module_{index}"/>'
 
     masses = module.masses(count).tolist()
     for k, start in enumerate(starts):
@@ -122,6 +125,25 @@ def _linked(chain: Chain, index: int) -> str:
     )
     place = _numbers(anchor + turn @ offset)
     return f'pos="{place}" quat="{_numbers(wxyz_from_matrix(turn))}">{hinges}'
+
+
+def _shapes(module: Module, module_size: float) -> tuple[list[str], list[list[str]]]:
+    """Return the lines of all meshes, and the attributes of the geoms of each piece's parts."""
+    meshes: list[str] = []
+    shapes: list[list[str]] = []
+    for first, piece in zip(module.hull.pieces[:, 0].tolist(), module.pieces, strict=True):
+        shapes.append([])
+        for number, part in enumerate(piece.parts, start=first):
+            if part.box is not None:
+                centre, half = (module_size * place for place in part.box)
+                place = f'pos="{_numbers(centre)}" ' if centre.any() else ""
+                shapes[-1].append(f'type="box" {place}size="{_numbers(half)}"')
+                continue
+            name = mesh_name(module, number)
+            vertices = _numbers((part.corners * module_size).ravel())
+            meshes.append(f'  <asset><mesh name="{name}" vertex="{vertices}"/></asset>')
+            shapes[-1].append(f'type="mesh" mesh="{name}"')
+    return meshes, shapes
 
 
 def _numbers(values: Any) -> str:

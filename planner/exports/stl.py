@@ -1,10 +1,10 @@
-"""STL: the outer solid of one module, in millimetres as printers expect."""
+"""STL: the outer solids of one module, in millimetres as printers expect."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, cast
 
-from foldback.planner.chain.module import Module
+from foldback.planner.chain.module import Piece
 from foldback.planner.plan.plan import Plan
 
 if TYPE_CHECKING:
@@ -14,24 +14,32 @@ STL_HEADER: Final = b"foldback: the outer solid of one module, in millimetres".l
 
 
 def write(plan: Plan) -> bytes:
-    """Return the module's hull at the size that the plan was verified for, as binary STL.
+    """Return the module's parts at the size that the plan was verified for, as binary STL.
 
-    It is centred as the module's frame is. It has no joints: how a hinge is made is up to who
-    builds it.
+    They are centred as the module's frame is; of a module of several pieces, one of each lies
+    beside the other. It has no joints: how a hinge is made is up to who builds it.
     """
     from trimesh.exchange.stl import export_stl
+    from trimesh.util import concatenate
 
+    module = plan.chain.module
     edge = plan.certificate.module_size * plan.chain.pitch_m * 1000.0  # mm, as slicers assume
-    return STL_HEADER + export_stl(hull_of(plan.chain.module, edge))[len(STL_HEADER) :]
+    meshes = [
+        piece_mesh(piece, edge).apply_translation([2.0 * k * module.radius * edge, 0.0, 0.0])
+        for k, piece in enumerate(module.pieces)
+    ]
+    return STL_HEADER + export_stl(concatenate(meshes))[len(STL_HEADER) :]
 
 
-def hull_of(module: Module, size: float) -> Trimesh:
-    """Return the outside of a module, its triangles counter-clockwise seen from outside.
+def piece_mesh(piece: Piece, size: float) -> Trimesh:
+    """Return the outsides of a piece's parts, triangles counter-clockwise seen from outside.
 
     Args:
-        module: The kind of module.
-        size: Scale about the module's centre; 1 for the full hull, a pitch long.
+        piece: The piece.
+        size: Scale about the piece's centre; 1 for full size, with a pitch of 1.
     """
     from trimesh.convex import convex_hull  # only who exports a mesh needs it
+    from trimesh.util import concatenate
 
-    return convex_hull(module.vertices).apply_scale(size)
+    meshes = [convex_hull(part.corners).apply_scale(size) for part in piece.parts]
+    return meshes[0] if len(meshes) == 1 else cast("Trimesh", concatenate(meshes))

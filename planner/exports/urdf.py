@@ -18,21 +18,22 @@ from scipy.spatial.transform import Rotation
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import Module
+from foldback.planner.chain.module import Module, Piece
 from foldback.planner.exports.export import identifier
+from foldback.planner.exports.obj import object_name
 from foldback.planner.plan.plan import Plan
 from foldback.planner.simulation.mujoco_models import hinge_names
 
 MESH_FILE: Final = "module.obj"
-"""File name of a tetrahedral module's mesh beside a URDF model, in metres. It is an OBJ file,
-because Drake reads no STL for collisions and all other simulators read OBJ, too."""
+"""File name of a module's mesh beside a URDF model, in metres, unless the module is a box. It is an
+OBJ file, because Drake reads no STL for collisions and all other simulators read OBJ, too."""
 DRAKE_NAMESPACE: Final = "https://drake.mit.edu"
 HINGE_LINK_MASS_FRACTION: Final = 0.01
 """Mass of the link between two hinges of one joint, as a fraction of a module's mass. Simulators
 reject links without mass."""
-MIN_HINGE_LINK_INERTIA_KG_M2: Final = 2e-14
-"""Minimum moment of inertia of the link between two hinges, kg·m². MuJoCo rejects less than 1e-14.
-Without the minimum, this link has 4.5e-15 for modules of 1 mm, which have 4.5e-13 themselves.
+MIN_LINK_INERTIA_KG_M2: Final = 2e-14
+"""Minimum moment of inertia of a link, kg·m². MuJoCo rejects less than 1e-14. Without the minimum,
+the link between two hinges has 4.5e-15 for cubes of 1 mm, which have 4.5e-13 themselves.
 Measured."""
 
 NO_ROTATION_RPY: Final = np.zeros(3)
@@ -80,7 +81,9 @@ def write(plan: Plan) -> bytes:
     """Return the plan's chain as URDF.
 
     Joints are named as in ``Chain.joint_names`` and come in that order. A module has the mass of a
-    solid one; cubes are boxes, tetrahedra the mesh ``module.obj``, which is an export of its own.
+    solid one. Parts that are boxes are boxes; a piece with another part is the mesh ``module.obj``,
+    which is an export of its own: of a module of several pieces, each object of it is a file of its
+    own here, ``<piece>.obj``.
     Limits of effort and speed are the torque that holds the straight chain out against gravity, and
     the plan's joint speed. Linked modules overlap: Drake reads their pairs as collision filter
     groups here, others in the SRDF beside it. There is no ``encoding`` in the first line, so that
@@ -99,15 +102,15 @@ def write(plan: Plan) -> bytes:
         "velocity": repr(plan.certificate.joint_speed_limit_rad_s),
     }
     size = plan.certificate.module_size
-    _add_module(robot, chain, chain.root, mass, size)
+    masses = (mass * module.masses(len(chain))).tolist()
+    _add_module(robot, chain, chain.root, masses[chain.root], size)
     joints: dict[str, ElementTree.Element] = {}
     for i in (*range(chain.root + 1, len(chain)), *range(chain.root - 1, -1, -1)):
         parent = i - 1 if i > chain.root else i + 1
         hinges = len(hinge_names(chain, min(i, parent)))
-        _add_module(
-            robot, chain, i, mass * (1.0 - HINGE_LINK_MASS_FRACTION * max(0, hinges - 1)), size
-        )
-        joints |= _linked(robot, chain, parent, i, mass * HINGE_LINK_MASS_FRACTION, limit)
+        share = 1.0 - HINGE_LINK_MASS_FRACTION * max(0, hinges - 1)
+        _add_module(robot, chain, i, masses[i] * share, size)
+        joints |= _linked(robot, chain, parent, i, masses[i] * HINGE_LINK_MASS_FRACTION, limit)
     order = {name: k for k, name in enumerate(chain.joint_names)}
     robot.extend(joints[name] for name in sorted(joints, key=lambda name: order.get(name, -1)))
     _add_filter_groups(robot, chain)
@@ -138,8 +141,7 @@ def _linked(
     for name in links[1:-1]:
         link = ElementTree.SubElement(robot, "link", name=name)
         inertia = chain.module.piece(parent).inertia * (hinge_mass * chain.pitch_m**2)
-        moments = np.maximum(inertia, MIN_HINGE_LINK_INERTIA_KG_M2)
-        _add_inertial(link, np.zeros(3), hinge_mass, moments)
+        _add_inertial(link, np.zeros(3), hinge_mass, inertia)
     anchor = centre_of(chain, parent) + side.anchor * chain.pitch_m
     if not names:
         name = f"rigid_{min(index, parent)}"
@@ -175,22 +177,35 @@ def _add_module(
     centre = centre_of(chain, index)
     inertia = chain.module.piece(index).inertia * (mass * chain.pitch_m**2)
     _add_inertial(link, centre, mass, inertia)
-    for part in ("visual", "collision"):
-        element = ElementTree.SubElement(link, part)
-        _add_origin(element, centre)
-        geometry = ElementTree.SubElement(element, "geometry")
-        if chain.module.geom == "box":
-            edges = np.ptp(chain.module.vertices, axis=0) * (module_size * chain.pitch_m)
-            ElementTree.SubElement(geometry, "box", size=_numbers(edges))
-        else:
-            ElementTree.SubElement(geometry, "mesh", filename=MESH_FILE)
+    piece, scale = chain.module.piece(index), module_size * chain.pitch_m
+    for kind in ("visual", "collision"):
+        if needs_mesh(piece):
+            name = MESH_FILE if len(chain.module.pieces) == 1 else f"{object_name(piece)}.obj"
+            ElementTree.SubElement(_add_shape(link, kind, centre), "mesh", filename=name)
+            continue
+        for part in piece.parts:
+            middle, half = part.box or (np.zeros(3), np.zeros(3))
+            geometry = _add_shape(link, kind, centre + scale * middle)
+            ElementTree.SubElement(geometry, "box", size=_numbers(scale * 2.0 * half))
+
+
+def needs_mesh(piece: Piece) -> bool:
+    """Return True if a part of a piece is no box, so that a model names a file with its mesh."""
+    return any(part.box is None for part in piece.parts)
+
+
+def _add_shape(link: ElementTree.Element, kind: str, origin: Array) -> ElementTree.Element:
+    """Add a visual or collision element to a link; return its geometry."""
+    element = ElementTree.SubElement(link, kind)
+    _add_origin(element, origin)
+    return ElementTree.SubElement(element, "geometry")
 
 
 def _add_inertial(link: ElementTree.Element, centre: Array, mass: float, moments: Array) -> None:
     inertial = ElementTree.SubElement(link, "inertial")
     _add_origin(inertial, centre)
     ElementTree.SubElement(inertial, "mass", value=repr(mass))
-    ixx, iyy, izz = moments.tolist()
+    ixx, iyy, izz = np.maximum(moments, MIN_LINK_INERTIA_KG_M2).tolist()
     inertia = {"ixx": ixx, "ixy": 0.0, "ixz": 0.0, "iyy": iyy, "iyz": 0.0, "izz": izz}
     ElementTree.SubElement(inertial, "inertia", {k: repr(v) for k, v in inertia.items()})
 

@@ -22,8 +22,8 @@ from foldback.planner.simulation.mujoco_models import (
     MODULE_MEMORY_BYTES,
     SOLIMP,
     Material,
-    add_module_geom,
-    add_module_mesh,
+    add_module_geoms,
+    add_part_meshes,
     base_spec,
     compiled,
     exclude,
@@ -90,7 +90,7 @@ class ContactFinder:
         spec = base_spec()
         if self._cubes > MIN_LIMITED_MEMORY_MODULES:
             spec.memory = MODULE_MEMORY_BYTES * self._cubes
-        add_module_mesh(spec, self._module, self._material.geom_size)
+        add_part_meshes(spec, self._module, self._material.geom_size)
         for _ in range(self._boxes):
             self._add_box(spec.worldbody.add_body())
         names = [*(f"module_{i}" for i in range(self._cubes)), TAIL]
@@ -101,7 +101,7 @@ class ContactFinder:
             if name == TAIL:
                 self._add_box(body)
             else:
-                add_module_geom(body, self._module, i, self._material)
+                add_module_geoms(body, self._module, i, self._material)
             body.explicitinertial = True
             body.mass, body.inertia = 1.0, [1.0, 1.0, 1.0]  # MuJoCo needs some for a free body
         exclude(spec, names, pairwise(range(self._cubes)))

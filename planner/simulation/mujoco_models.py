@@ -12,8 +12,6 @@ from functools import cache
 from itertools import pairwise
 from typing import Any, Final
 
-import numpy as np
-
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import Module
@@ -91,29 +89,47 @@ def _ignore(warning: str) -> None:
     del warning
 
 
-def add_module_mesh(spec: Any, module: Module, module_size: float) -> None:
-    """Add the hull of a module that is not a box, at the given size, as the mesh ``module``."""
-    if module.geom == "mesh":
-        mesh = spec.add_mesh()
-        mesh.name = "module"
-        mesh.uservert = (module.vertices * module_size).ravel().tolist()
+def add_part_meshes(spec: Any, module: Module, module_size: float) -> None:
+    """Add the parts of a module that are no boxes as meshes, at the given size."""
+    for number, part in enumerate(part for piece in module.pieces for part in piece.parts):
+        if part.box is None:
+            mesh = spec.add_mesh()
+            mesh.name = mesh_name(module, number)
+            mesh.uservert = (part.corners * module_size).ravel().tolist()
 
 
-def add_module_geom(body: Any, module: Module, index: int, material: Material) -> Any:
-    """Add the collision hull of module ``index`` to a body, without mass, and return it."""
-    options: dict[str, Any] = {
-        "name": f"module_{index}",
-        "mass": 0.0,
-        "condim": 3 if material.friction > 0 else 1,
-        "friction": [max(material.friction, 1e-5), 0.0, 0.0],
-        "solref": [material.contact_time_constant, 1.0],
-        "solimp": SOLIMP,
-        "margin": 0.0,
-    }
-    if module.geom == "box":
-        half = float(np.abs(module.vertices).max()) * material.geom_size
-        return body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[half] * 3, **options)
-    return body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="module", **options)
+def mesh_name(module: Module, part: int) -> str:
+    """Return the name of the mesh of a module's part: ``module`` if it is the only one."""
+    return "module" if len(module.hull.parts) == 1 else f"part_{part}"
+
+
+def add_module_geoms(body: Any, module: Module, index: int, material: Material) -> list[Any]:
+    """Add the parts of module ``index`` to a body, without mass, and return their geoms."""
+    piece = module.pattern[index % len(module.pattern)]
+    first = int(module.hull.pieces[piece, 0])
+    geoms: list[Any] = []
+    for k, part in enumerate(module.pieces[piece].parts):
+        options: dict[str, Any] = {
+            "name": f"module_{index}_{k}" if k else f"module_{index}",
+            "mass": 0.0,
+            "condim": 3 if material.friction > 0 else 1,
+            "friction": [max(material.friction, 1e-5), 0.0, 0.0],
+            "solref": [material.contact_time_constant, 1.0],
+            "solimp": SOLIMP,
+            "margin": 0.0,
+        }
+        if part.box is None:
+            mesh = mesh_name(module, first + k)
+            options |= {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": mesh}
+        else:
+            centre, half = (material.geom_size * place for place in part.box)
+            options |= {
+                "type": mujoco.mjtGeom.mjGEOM_BOX,
+                "pos": centre.tolist(),
+                "size": half.tolist(),
+            }
+        geoms.append(body.add_geom(**options))
+    return geoms
 
 
 def set_inertia(body: Any, chain: Chain, index: int, mass: float) -> None:
@@ -249,7 +265,7 @@ def tree_spec(
     spec.modelname = "foldback"
     module = chain.module
     n = len(chain)
-    add_module_mesh(spec, module, material.geom_size)
+    add_part_meshes(spec, module, material.geom_size)
     names = [f"module_{i}" for i in range(n)]
     root = spec.worldbody.add_body()
     root.name = names[chain.root]
@@ -261,7 +277,7 @@ def tree_spec(
         bodies[i] = add_previous_body(bodies[i + 1], chain, i, names[i], material)
     for i, body in bodies.items():
         set_inertia(body, chain, i, float(masses[i]))
-        add_module_geom(body, module, i, material)
+        add_module_geoms(body, module, i, material)
         site = body.add_site()
         site.name = names[i]
         site.size = [0.02, 0.02, 0.02]
@@ -302,7 +318,7 @@ def segment_spec(chain: Chain, material: Material, starts: list[int]) -> Any:
     masses = module.masses(n).tolist()
     if n > MIN_LIMITED_MEMORY_MODULES:
         spec.memory = MODULE_MEMORY_BYTES * n
-    add_module_mesh(spec, module, material.geom_size)
+    add_part_meshes(spec, module, material.geom_size)
     names = [f"module_{i}" for i in range(n)]
     for k, start in enumerate(starts):
         stop = starts[k + 1] if k + 1 < len(starts) else n
@@ -311,11 +327,11 @@ def segment_spec(chain: Chain, material: Material, starts: list[int]) -> Any:
         body = root
         set_inertia(root, chain, start, masses[start] * (1.0 if k == 0 else 0.5))
         root.add_freejoint().name = f"root_{start}"
-        add_module_geom(root, module, start, material)
+        add_module_geoms(root, module, start, material)
         for i in range(start + 1, stop):
             body = add_next_body(body, chain, i, names[i], material)
             set_inertia(body, chain, i, masses[i])
-            add_module_geom(body, module, i, material)
+            add_module_geoms(body, module, i, material)
         if stop < n:
             ghost = add_next_body(body, chain, stop, f"ghost_{stop}", material)
             set_inertia(ghost, chain, stop, 0.5 * masses[stop])

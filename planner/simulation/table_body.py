@@ -19,9 +19,9 @@ from foldback.planner.simulation.mujoco_models import (
     SOLIMP,
     STIFF_SOLREF_SOLIMP,
     Material,
-    add_module_geom,
-    add_module_mesh,
+    add_module_geoms,
     add_next_body,
+    add_part_meshes,
     base_spec,
     compiled,
     exclude,
@@ -163,7 +163,7 @@ def _spec(
         stops_early_rad=p.stops_early_rad,
         stiff_stops=True,
     )
-    add_module_mesh(spec, module, p.geom_size)
+    add_part_meshes(spec, module, p.geom_size)
     names = [f"module_{i}" for i in range(n)]
     body = spec.worldbody.add_body()
     body.name = names[0]
@@ -175,8 +175,8 @@ def _spec(
         if i:
             body = add_next_body(body, chain, i, names[i], material)
         set_inertia(body, chain, i, masses[i])
-        hull = add_module_geom(body, module, i, material)
-        hull.solimp = [p.module_hardness, p.module_hardness, *SOLIMP[2:]]
+        for geom in add_module_geoms(body, module, i, material):
+            geom.solimp = [p.module_hardness, p.module_hardness, *SOLIMP[2:]]
     exclude(spec, names, module.exempt_pairs(n))
     spec.worldbody.add_geom(
         name="table",

@@ -24,7 +24,9 @@ from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation, Slerp
 
+from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import Poses
+from foldback.planner.chain.polyhedron import volume_moments
 from foldback.planner.errors import InputError
 from foldback.planner.exports import glb
 from foldback.planner.exports.export import Export
@@ -34,6 +36,7 @@ from foldback.planner.exports.urdf import DRAKE_NAMESPACE, centre_of
 from foldback.planner.pipeline.fold import fold
 from foldback.planner.plan.plan import Plan
 from foldback.planner.readers.angle_strings import read_angle_string
+from tests.planner.brackets import BRACKETS
 from tests.planner.chains import Array
 
 PLAIN_EXPORTS = [export for export in EXPORTS if not export.coded]
@@ -47,7 +50,13 @@ def ring(tmp_path_factory: pytest.TempPathFactory) -> Plan:
     return fold(chain, directory=tmp_path_factory.mktemp("ring"))
 
 
-@pytest.fixture(params=["folded", "ring"], ids=["cube", "tetrahedron"])
+@pytest.fixture(scope="module")
+def bent(tmp_path_factory: pytest.TempPathFactory) -> Plan:
+    chain = Chain.from_angles(BRACKETS, np.deg2rad([40.0, 0.0, -40.0, 0.0, 50.0]), name="bent")
+    return fold(chain, directory=tmp_path_factory.mktemp("bent"))
+
+
+@pytest.fixture(params=["folded", "ring", "bent"], ids=["cube", "tetrahedron", "brackets"])
 def plan(request: pytest.FixtureRequest) -> Plan:
     """Small plan of each kind of module; its pitch is not 1 cm, so that wrong units are found."""
     export_case = request.getfixturevalue(request.param)
@@ -121,6 +130,8 @@ def test_mjcf_keys_are_frames_of_the_plan(plan: Plan) -> None:
     middle, wxyz = folded.positions.mean(axis=0), folded.wxyzs[chain.root]
     expected = {"straight": chain.poses(np.zeros_like(chain.folded_rad), middle, wxyz)}
     expected["folded"] = folded
+    # The axes of brackets run in all directions, and the text has few digits of them.
+    rounding = 1e-5 if chain.module.name == BRACKETS.name else 1e-9
     names = [model.key(k).name for k in range(model.nkey)]
     assert names == [*expected, *(f"at_{percent}" for percent in KEY_PERCENTS)]
     ends = {"at_0": 0, "at_100": len(plan.time_s) - 1}
@@ -133,13 +144,31 @@ def test_mjcf_keys_are_frames_of_the_plan(plan: Plan) -> None:
             assert ends.get(name, frame) == frame
         poses = expected[name] if name in expected else poses_of(plan, frame)
         sites = [data.site(f"module_{i}") for i in range(len(chain))]
-        np.testing.assert_allclose([site.xpos for site in sites], poses.positions, atol=1e-9)
+        np.testing.assert_allclose([site.xpos for site in sites], poses.positions, atol=rounding)
         turns = [site.xmat.reshape(3, 3) for site in sites]
-        np.testing.assert_allclose(turns, poses.rotations, atol=1e-9)
+        np.testing.assert_allclose(turns, poses.rotations, atol=rounding)
         assert data.ncon == 0
     # Drake would confuse body names that differ by an appended digit with names of joints.
     bodies = {model.body(k).name for k in range(model.nbody)}
     assert not bodies & {f"{name}{k}" for name in bodies for k in range(10)}
+
+
+def mesh_files(plan: Plan) -> dict[str, bytes]:
+    """Return the files that a URDF names: each object of the module's mesh is one."""
+    head, *objects = exported("obj", plan).decode().split("\no ")
+    files: dict[str, bytes] = {}
+    count = 0
+    for text in objects:
+        name, *lines = text.splitlines()
+        moved = [
+            f"f {' '.join(str(int(k) - count) for k in line.split()[1:])}"
+            if line[0] == "f"
+            else line
+            for line in lines
+        ]
+        count += sum(line.startswith("v ") for line in lines)
+        files[f"{name}.obj"] = "\n".join([head, f"o {name}", *moved, ""]).encode()
+    return files
 
 
 def module_transforms(plan: Plan, links: list[Array]) -> list[Array]:
@@ -151,7 +180,8 @@ def module_transforms(plan: Plan, links: list[Array]) -> list[Array]:
 
 def test_urdf_moves_as_the_plan_in_yourdfpy(plan: Plan, tmp_path: Path) -> None:
     (tmp_path / "model.urdf").write_bytes(exported("urdf", plan))
-    (tmp_path / "module.obj").write_bytes(exported("obj", plan))
+    for name, mesh in mesh_files(plan).items():
+        (tmp_path / name).write_bytes(mesh)
     robot: Any = yourdfpy.URDF.load(str(tmp_path / "model.urdf"), build_scene_graph=True)
     assert robot.base_link == f"module_{plan.chain.root}"
     assert tuple(robot.actuated_joint_names) == plan.chain.joint_names
@@ -164,23 +194,35 @@ def test_urdf_moves_as_the_plan_in_yourdfpy(plan: Plan, tmp_path: Path) -> None:
         ]
         same_poses(module_transforms(plan, links), plan, frame, 1e-6)
     edge = plan.certificate.module_size * plan.chain.pitch_m
-    (volume,) = {round(g.volume, 12) for g in robot.scene.geometry.values()}
-    assert volume == pytest.approx(plan.chain.module.volume * edge**3, rel=1e-6)
+    expected: list[float] = []
+    for piece in (plan.chain.module.piece(i) for i in range(len(plan.chain))):
+        if any(part.box is None for part in piece.parts):
+            expected.append(piece.volume)
+        else:
+            expected += [volume_moments((part,)).volume for part in piece.parts]
+    volumes = [geometry.volume / edge**3 for geometry in robot.scene.geometry.values()]
+    assert sorted(volumes) == pytest.approx(sorted(expected), rel=1e-6)
 
 
 def test_urdf_links_have_the_mass_and_inertia_of_solid_modules(plan: Plan) -> None:
     chain = plan.chain
-    hull = trimesh.convex.convex_hull(chain.module.vertices * chain.pitch_m)
-    hull.density = plan.parameters["density_kg_m3"]
+    hulls: list[Any] = []
+    for piece in chain.module.pieces:
+        parts = [trimesh.convex.convex_hull(p.corners * chain.pitch_m) for p in piece.parts]
+        hulls.append(trimesh.util.concatenate(parts))
+        hulls[-1].density = plan.parameters["density_kg_m3"]
     urdf = ElementTree.fromstring(exported("urdf", plan))
     masses = []
-    for link in urdf.iter("inertial"):
-        inertia, mass = link.find("inertia"), link.find("mass")
+    for link in urdf.iter("link"):
+        inertia, mass = link.find("inertial/inertia"), link.find("inertial/mass")
         assert inertia is not None and mass is not None
         masses.append(float(mass.attrib["value"]))
         moments = [float(inertia.attrib[name]) for name in ("ixx", "iyy", "izz")]
-        np.testing.assert_allclose(moments, masses[-1] / hull.mass * np.diag(hull.moment_inertia))
-    assert sum(masses) == pytest.approx(hull.mass * len(chain))
+        _, _, index = link.attrib["name"].partition("module_")
+        hull = hulls[chain.module.pattern[int(index or 0) % len(hulls)]]
+        expected = masses[-1] / hull.mass * np.diag(hull.moment_inertia)
+        np.testing.assert_allclose(moments, expected)
+    assert sum(masses) == pytest.approx(sum(hulls[i % len(hulls)].mass for i in range(len(chain))))
     limits = [float(e.attrib["upper"]) for e in urdf.iter("limit")]
     np.testing.assert_allclose(limits, [chain.module.angle_limit_rad] * len(chain.joint_names))
 
@@ -188,8 +230,7 @@ def test_urdf_links_have_the_mass_and_inertia_of_solid_modules(plan: Plan) -> No
 def test_urdf_of_small_modules_loads_in_mujoco(plan: Plan) -> None:
     chain = dataclasses.replace(plan.chain, pitch_m=0.001)
     small = dataclasses.replace(plan, chain=chain)
-    mesh = {"module.obj": exported("obj", small)}
-    model = mujoco.MjModel.from_xml_string(exported("urdf", small).decode(), mesh)
+    model = mujoco.MjModel.from_xml_string(exported("urdf", small).decode(), mesh_files(small))
     assert model.nbody > len(plan.chain)
 
 
@@ -301,14 +342,18 @@ def z_up(transform: Array) -> Array:
 def test_glb_scene_stands_folded_and_upright(plan: Plan) -> None:
     scene: Any = trimesh.load_scene(io.BytesIO(exported("glb", plan)), file_type="glb")
     nodes = [scene.graph[f"module_{i}"] for i in range(len(plan.chain))]
-    assert {geometry for _, geometry in nodes} == {plan.chain.module.name}
     node_poses = [z_up(transform) for transform, _ in nodes]
     same_poses(node_poses, plan, len(plan.time_s) - 1, 1e-4)
-    mesh = scene.geometry[plan.chain.module.name]
-    mesh.merge_vertices(merge_norm=True)
     edge = plan.certificate.module_size * plan.chain.pitch_m
-    assert mesh.is_watertight
-    assert mesh.volume == pytest.approx(plan.chain.module.volume * edge**3, rel=1e-5)
+    looks: set[tuple[str, str]] = set()
+    for i, (_, name) in enumerate(nodes):
+        mesh, piece = scene.geometry[name].copy(), plan.chain.module.piece(i)
+        mesh.merge_vertices(merge_norm=True)
+        assert len(piece.parts) > 1 or mesh.is_watertight
+        assert mesh.volume == pytest.approx(piece.volume * edge**3, rel=1e-5)
+        looks.add((piece.name, str(mesh.visual.material.baseColorFactor)))
+    # Two pieces in turn, and three colours in turn.
+    assert len(looks) == (6 if plan.chain.module.name == BRACKETS.name else 1)
 
 
 def test_glb_scene_moves_as_the_plan(plan: Plan) -> None:
@@ -375,9 +420,13 @@ def test_stl_module_is_a_closed_solid_in_millimetres(plan: Plan) -> None:
     assert not data.startswith(b"solid")
     mesh: Any = trimesh.load_mesh(io.BytesIO(data), file_type="stl")
     edge = plan.certificate.module_size * plan.chain.pitch_m * 1000.0
+    pieces = plan.chain.module.pieces
+    assert mesh.volume == pytest.approx(sum(p.volume for p in pieces) * edge**3, rel=1e-6)
+    if len(pieces) > 1:  # two pieces beside each other, one of touching parts
+        assert np.ptp(mesh.vertices[:, 0]) > 2.0 * BRACKETS.radius * edge
+        return
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
-    assert mesh.volume == pytest.approx(plan.chain.module.volume * edge**3, rel=1e-6)
     assert np.abs(mesh.center_mass).max() < 1e-5 * edge
 
 

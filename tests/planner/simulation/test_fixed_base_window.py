@@ -13,7 +13,7 @@ from foldback.planner.simulation.contact_finder import ContactFinder
 from foldback.planner.simulation.fixed_base_window import FixedBaseWindow
 from foldback.planner.simulation.mujoco_models import (
     Material,
-    add_module_geom,
+    add_module_geoms,
     add_next_body,
     base_spec,
     exclude,
@@ -57,7 +57,7 @@ def tree_of(chain: Chain, rod: int, boxes: tuple[Array, Array]) -> tuple[Any, An
     for i in range(1, len(chain)):
         body = add_next_body(body, chain, i, names[i], MATERIAL)
         set_inertia(body, chain, i, 1.0)
-        add_module_geom(body, chain.module, i, MATERIAL)
+        add_module_geoms(body, chain.module, i, MATERIAL)
     for centre, half in zip(*boxes, strict=True):
         add_box(spec.worldbody, centre, half - 0.01)
     if rod:
