@@ -7,6 +7,7 @@ import {
   isOffered,
   ramped,
   roundUp,
+  usualColouring,
 } from "../../../web/static/js/player/colours.js";
 import {
   keptRows,
@@ -227,4 +228,25 @@ test("values between rows are interpolated", () => {
   assert.deepEqual(Array.from(valuesAt(ownValues, 0.25)), [3, 4, 5, 6]);
   assert.deepEqual(Array.from(valuesAt(ownValues, 0.9)).map(Math.round), [8, 9, 10, NaN]);
   assert.deepEqual(Array.from(valuesAt(ownValues, 1)), [9, 10, 11, NaN]);
+});
+
+test("modules with colours of their own show them in turn", async () => {
+  const { timeline } = await recorded();
+  const { header } = timeline.bundle;
+  assert.equal(usualColouring("chain", header), "chain");
+  assert.equal(colouringFor("module", timeline, null).key, "module");
+  const usual = colouringFor("chain", timeline, null).of(timeline.snapshot(0));
+  assert.deepEqual(colouringFor("module", timeline, null).of(timeline.snapshot(0)), usual);
+  const own = [
+    [10, 20, 30],
+    [200, 100, 0],
+  ];
+  const bundle = { ...timeline.bundle, header: { ...header, own_colours: own } };
+  const painted = Object.assign(Object.create(timeline), { bundle });
+  assert.equal(usualColouring("chain", bundle.header), "module");
+  assert.equal(usualColouring("error", bundle.header), "error");
+  assert.equal(colouringsOf(false, bundle.header)[0][0], "module");
+  const colouring = colouringFor("module", painted, null);
+  assert.deepEqual([...colouring.of().subarray(0, 9)], [...own[0], ...own[1], ...own[0]]);
+  assert.match(colouring.legend().ramp, /rgb\(10 20 30\) 0.00% 50.00%, rgb\(200 100 0\)/);
 });

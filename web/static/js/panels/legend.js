@@ -62,7 +62,7 @@ export class Legend {
   fill() {
     const { plots } = this.figures;
     const before = this.menu.value;
-    const colourings = colouringsOf(Boolean(plots?.table));
+    const colourings = colouringsOf(Boolean(plots?.table), this.player.timeline.bundle?.header);
     this.menu.replaceChildren(
       ...colourings.map(([key, label]) =>
         element(

@@ -23,6 +23,17 @@ export const COLOURINGS = [
 // The colouring of a page whose visitor has not chosen one. It says something in every phase.
 export const USUAL_COLOURING = "chain";
 
+/** @type {[key: string, label: string]} */
+const OF_MODULES = ["module", "Colours of the modules"];
+
+// Return the colouring of such a page for a chain: modules with colours of their own show them.
+/**
+ * @param {string} usual
+ * @param {Pick<BundleHeader, "own_colours">} header
+ */
+export const usualColouring = (usual, { own_colours: own }) =>
+  usual === USUAL_COLOURING && own.length ? "module" : usual;
+
 /**
  * Colourings whose values come from figures.js, and the names of these values.
  * @type {Record<string, FigureName>}
@@ -40,10 +51,15 @@ const FLOATING = new Set(["torque"]); // only in zero gravity
 // Long folds have only the values of the whole chain; the plots show them.
 const WHOLE_CHAIN = new Set(["torque", "clearance"]);
 
-// Return the colourings of a fold in zero gravity or on a table.
-/** @param {boolean} table */
-export const colouringsOf = (table) =>
-  COLOURINGS.filter(([key]) => !(table ? FLOATING : ON_TABLE).has(key));
+// Return the colourings of a fold in zero gravity or on a table, whose modules have colours or not.
+/**
+ * @param {boolean} table
+ * @param {Pick<BundleHeader, "own_colours">} [header]
+ */
+export const colouringsOf = (table, header) => [
+  ...(header?.own_colours.length ? [OF_MODULES] : []),
+  ...COLOURINGS.filter(([key]) => !(table ? FLOATING : ON_TABLE).has(key)),
+];
 
 // Return the colours (3n sRGB bytes) of n fractions of a ramp; NaN means no data.
 /**
@@ -166,6 +182,32 @@ export class Colouring {
   }
 }
 
+// The colours that the module's file names, in turn; they have no scale.
+class OwnColours extends Colouring {
+  of() {
+    const { own_colours: own } = this.timeline.bundle.header;
+    const { modules } = this.timeline.chain;
+    return Uint8Array.from(
+      { length: 3 * modules },
+      (_, k) => own[Math.floor(k / 3) % own.length][k % 3],
+    );
+  }
+
+  legend() {
+    const { own_colours: own } = this.timeline.bundle.header;
+    const bands = own.map((colour, k) => {
+      const [from, to] = [k, k + 1].map((edge) => `${((100 * edge) / own.length).toFixed(2)}%`);
+      return `rgb(${colour.join(" ")}) ${from} ${to}`;
+    });
+    return {
+      low: "",
+      high: "",
+      none: null,
+      ramp: `linear-gradient(to right, ${bands.join(", ")})`,
+    };
+  }
+}
+
 // Return the end of a scale that fits all loaded frames of the timeline.
 /**
  * @param {import("./timeline.js").Timeline} timeline
@@ -250,6 +292,14 @@ export function colouringFor(key, timeline, figures) {
         (v) => `Module ${Math.round(v) + 1}`,
         { high: chain.modules - 1, none: null },
       ),
+    module: () =>
+      timeline.bundle.header.own_colours.length
+        ? new OwnColours(key, timeline, {
+            values: () => new Float32Array(chain.modules),
+            text: () => "",
+            high: 1,
+          })
+        : makers[USUAL_COLOURING](),
   };
   const selected = (makers[key] ?? makers[USUAL_COLOURING])();
   selected.figures = figures ?? null;

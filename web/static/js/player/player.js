@@ -7,7 +7,7 @@
 import { picked } from "../viewer/camera.js";
 import { Sketch } from "../viewer/sketch.js";
 import { CameraRig, USUAL } from "./camera_rig.js";
-import { USUAL_COLOURING, colouringFor } from "./colours.js";
+import { USUAL_COLOURING, colouringFor, usualColouring } from "./colours.js";
 import { heldStill } from "./kinematics.js";
 import { PlayerState } from "./player_state.js";
 import { Recording, Timeline } from "./timeline.js";
@@ -242,7 +242,11 @@ export class Player extends PlayerState {
     const { timeline } = this;
     this.snapshot = this.search = null;
     this.colourBy(
-      colouringFor(this.colouring?.key ?? this.usual, timeline, this.colouring?.figures),
+      colouringFor(
+        this.colouring?.key ?? usualColouring(this.usual, timeline.bundle.header),
+        timeline,
+        this.colouring?.figures,
+      ),
     );
     this.rig.begin();
     this.stage?.set(timeline.bundle);
