@@ -39,6 +39,7 @@ from bench.service.sites import sites
 from bench.service.tours import tours
 from bench.smoothing import smoothing
 from bench.snake_cubes import snake_cubes
+from bench.snakes import snake_folds, snakes
 from bench.speed import speed
 from bench.success_map.published import published
 from bench.success_map.seeds import seeds
@@ -84,6 +85,8 @@ SECTIONS = {
     "table-tetrahedra": table_tetrahedra,
     "tetrahedra": tetrahedra,
     "smoothing": smoothing,
+    "snakes": snakes,
+    "snake-folds": snake_folds,
     "snake-cubes": snake_cubes,
     "turns": turns,
     "turns-long": turns_long,

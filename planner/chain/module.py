@@ -16,6 +16,9 @@ from foldback.planner.core.structures import Hull, Joint
 
 DEFAULT_MODULE_SIZE: Final = 0.95
 """Default size at which the clearance of modules is checked, as a fraction of the pitch."""
+TWIST_MODULE_SIZE: Final = 0.8
+"""The same for modules whose joints turn freely in steps. Of 60 figures of the snake all fold at
+it, and 33 at 0.9: docs/decisions/0066-turns-by-steps.md."""
 ALUMINIUM_KG_M3: Final = 2700.0
 """Density of aluminium, in kg/m³."""
 DEFAULT_DENSITY_KG_M3: Final = ALUMINIUM_KG_M3
@@ -258,6 +261,13 @@ class Module:
         Hinges without a range have angles, too, that no motion exceeds.
         """
         return np.clip(self.ranges_behind(modules), -MAX_FREE_TURN_RAD, MAX_FREE_TURN_RAD)
+
+    @property
+    def default_size(self) -> float:
+        """Size at which clearance is checked if no other one is asked for."""
+        is_free = bool(np.isinf(self.ranges_rad).all())
+        has_steps = all(piece.step_rad is not None for piece in self.pieces)
+        return TWIST_MODULE_SIZE if is_free and has_steps else DEFAULT_MODULE_SIZE
 
     @cached_property
     def volume(self) -> float:

@@ -41,6 +41,8 @@ from foldback.planner.parameters.published import PaperExplosionParameters
 from foldback.planner.pathfinding.removal_analysis import analyse_removal
 from foldback.planner.progress import Cancelled, Report, never, silent
 from foldback.planner.simulation.mujoco_chain import refuse_long_chain
+from foldback.planner.turns.step_turning import turns_in_steps
+from foldback.planner.turns.turn_sequence import LATTICE_TURNINGS
 
 BLOCKS_FROM_MODULES: Final = 160
 """Minimum number of modules of a chain for which ``auto`` tries the strategy ``blocks``, which
@@ -156,7 +158,8 @@ def _possible(chain: Chain, parameters: Parameters, refolds: bool) -> tuple[str,
         return ("peel",) if on_lattice(chain) else ()
     if not _has_own_explosion(parameters):
         return ("simultaneous",)  # as published, or nothing at all
-    turns = (TURNS, BASELINE) if len(chain) <= MAX_TURNING_MODULES and _square(chain) else ()
+    may_turn = len(chain) <= MAX_TURNING_MODULES and _turns(chain)
+    turns = (TURNS, BASELINE) if may_turn else ()
     names = ("simultaneous", "blocks", "peel") if on_lattice(chain) else ("simultaneous",)
     if _is_by_mujoco(parameters):
         names = ("simultaneous",)
@@ -166,6 +169,8 @@ def _possible(chain: Chain, parameters: Parameters, refolds: bool) -> tuple[str,
 
 def _preferred(chain: Chain) -> tuple[str, ...]:
     """Return the strategies for a chain, the best first."""
+    if chain.module.filling not in LATTICE_TURNINGS and _turns(chain):
+        return (BASELINE, TURNS, "simultaneous")
     if not on_lattice(chain):
         return ("simultaneous",)
     modules = len(chain)
@@ -194,6 +199,11 @@ def _has_own_explosion(parameters: Parameters) -> bool:
 def _square(chain: Chain) -> bool:
     """Return True if all hinges of a folded chain are straight or at right angles."""
     return bool((_off_square(chain) < 1e-4).all())
+
+
+def _turns(chain: Chain) -> bool:
+    """Return True if a chain may fold in turns: its hinges are at whole steps."""
+    return _square(chain) if chain.module.filling in LATTICE_TURNINGS else turns_in_steps(chain)
 
 
 def _off_square(chain: Chain) -> Array:

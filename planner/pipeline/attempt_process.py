@@ -34,7 +34,8 @@ def compute_attempt() -> None:
     place = FilePath.cwd()
     fold = Workspace(place.parent.parent)
     spec = AttemptSpec(**json.loads(sys.argv[1]))
-    parameters, chain = fold.read_request().parameters(), fold.read_candidates().chain_of(spec)
+    chain = fold.read_candidates().chain_of(spec)
+    parameters = fold.read_request().parameters(chain.module)
     watch = Watch(
         progress=lambda progress: write_json(place / PROGRESS_FILE, asdict(progress)),
         cancelled=unwanted.is_set,

@@ -72,7 +72,7 @@ def _write(directory: FilePath, target: FilePath) -> None:
     write_figures(
         timeline,
         target / FIGURES,
-        workspace.read_request().parameters(),
+        workspace.read_request().parameters(Timeline.open(timeline).chain.module),
         certificate=certificate,
         plan=None if playback is None else playback.reference,
     )

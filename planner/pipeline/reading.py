@@ -16,6 +16,7 @@ from foldback.planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.prepared_chains import PreparedChains
 from foldback.planner.playback.unfolding import check_fits
+from foldback.planner.turns.step_turning import unwound
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,7 +92,12 @@ def read_shape(
     if prepared is None:
         seed = request.seed % PATH_SEED_MODULUS
         prepared = prepare(shape, request.filename, request.path_options(), seed=seed).prepared()
-    chain, chains, likenesses = prepared.chains[0], prepared.chains, prepared.likenesses
+    parameters = request.parameters(prepared.chains[0].module)
+    chains = tuple(
+        unwound(chain, module_size=parameters.module_size, seed=request.seed)
+        for chain in prepared.chains
+    )
+    chain, likenesses = chains[0], prepared.likenesses
     if start is not None:
         # A fitted path may have fewer modules; the path through blocks may still fit.
         chain = next((chain for chain in chains if len(chain) == len(start)), chain)
@@ -101,7 +107,7 @@ def read_shape(
         chains = tuple(replace(chains[k], pitch_m=start.pitch_m) for k in fitting)
         likenesses = tuple(likenesses[k] for k in fitting) if likenesses else ()
         chain = chains[0]
-    ranked_strategies(chain, request.parameters(), refolds=request.refold)  # or it is refused
+    ranked_strategies(chain, parameters, refolds=request.refold)  # or it is refused
     # A chain comes as it is wanted; what only shows cells may as well begin at their other end.
     is_fixed = prepared.kind == "chain" or request.start is not None or request.refold
     is_fixed = is_fixed or request.world == "table"  # whose path begins on it

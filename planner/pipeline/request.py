@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Final
 
-from foldback.planner.chain.module import DEFAULT_MODULE_SIZE
+from foldback.planner.chain.module import DEFAULT_MODULE_SIZE, TWIST_MODULE_SIZE, Module
 from foldback.planner.errors import InputError
 from foldback.planner.parameters.option import key_of_options, option
 from foldback.planner.parameters.parameters import (
@@ -120,7 +120,8 @@ class FoldRequest(PathOptions):
         noun="module size",
         help="Edge length of a module in the clearance check, in pitches. One pitch is the "
         "distance between the centres of two neighbouring modules. Default: "
-        f"{DEFAULT_MODULE_SIZE}; when a plan is smoothed, the module size of that plan.",
+        f"{DEFAULT_MODULE_SIZE}; for chains of twist joints, {TWIST_MODULE_SIZE}; when a plan is "
+        "smoothed, the module size of that plan.",
         range=(0.1, 1.0),
         unit="times the pitch",
     )
@@ -267,10 +268,11 @@ class FoldRequest(PathOptions):
         """Return the parameters of the preset in this world, without settings."""
         return replace(preset(self.preset), world=self.world)
 
-    def parameters(self, *, smoothed: bool = False) -> Parameters:
+    def parameters(self, module: Module | None = None, *, smoothed: bool = False) -> Parameters:
         """Return the parameters of the request.
 
         Args:
+            module: The kind of module that is folded, which has a default size; None for any.
             smoothed: True for the parameters of smoothing a plan.
 
         Raises:
@@ -290,9 +292,10 @@ class FoldRequest(PathOptions):
             parameters = replace(
                 parameters, playback=replace(parameters.playback, spacing_rad=0.06)
             )
-        if self.module_size is None:
-            return parameters
-        return replace(parameters, module_size=self.module_size)
+        size = self.module_size
+        if size is None:
+            size = parameters.module_size if module is None else module.default_size
+        return replace(parameters, module_size=size)
 
 
 def _placed(error: InputError) -> InputError:

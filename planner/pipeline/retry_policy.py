@@ -87,7 +87,8 @@ class RetryPolicy:
         """Return the policy of a fold."""
         if request.smooth:
             return cls(strategies=(SMOOTHING_WAYS,), seed=request.seed, seeds=1)
-        parameters, chains = request.parameters(), candidates.chains
+        chains = candidates.chains
+        parameters = request.parameters(chains[0].module)
         has_forces = isinstance(parameters.explosion, ExplosionParameters)
         improvements = None
         if request.prefer != COMPUTING:

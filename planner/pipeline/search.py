@@ -70,7 +70,8 @@ class FoldSpec:
 
     def parameters(self, record: Record | None = None) -> Parameters:
         """Return the parameters of a record; those of an explosion when None."""
-        return self.request.parameters(smoothed=is_smoothing(record))
+        module = self.candidates.chains[0].module
+        return self.request.parameters(module, smoothed=is_smoothing(record))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

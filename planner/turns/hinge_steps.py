@@ -59,16 +59,18 @@ class HingeSteps:
         module: The kind of module; each joint has a step.
         modules: Number of modules.
         first: Number of the first one in its chain.
+        wraps: False if an angle and the same one after a full turn are two states.
 
     Raises:
         InputError: ``no-steps`` if a joint has no step.
     """
 
-    def __init__(self, module: Module, modules: int, *, first: int = 0) -> None:
+    def __init__(self, module: Module, modules: int, *, first: int = 0, wraps: bool = True) -> None:
         self.module = module
         self.modules = modules
         self.first = first
-        self._chain = turning_chain(module, modules, first=first)
+        chain = turning_chain(module, modules, first=first)
+        self._chain = chain if wraps else chain._replace(period=np.zeros_like(chain.period))
         self._turns = JointTurns(self._chain)
 
     @property
@@ -127,6 +129,35 @@ class HingeSteps:
     def motion_size(self, before: Levels, hinges: Ints, changes: Ints) -> float:
         """Return the size of turns of several hinges by ±1 step at the same time."""
         return self._turns.motion_size(before, hinges, changes)[0]
+
+    def clear_turns(self, start: Levels, hinges: Ints, changes: Ints, *, size: float) -> int:
+        """Return the number of turns before the first that is not free at a size.
+
+        Args:
+            start: (J,) levels before the first turn.
+            hinges, changes: (T,) hinge of each turn, and −1 or 1.
+            size: Size of the modules.
+        """
+        state = start.copy()
+        turns = zip(hinges.tolist(), changes.tolist(), strict=True)
+        for count, (hinge, change) in enumerate(turns):
+            if self._turns.turn_size(state, hinge, change)[0] < size:
+                return count
+            state[hinge] += change
+        return len(hinges)
+
+    def way_size(self, way: Levels) -> float:
+        """Return the size at which all turns between (T + 1, J) states are free."""
+        levels = np.rint(self.angles(way) / self._chain.steps).astype(np.int64)
+        sizes = [1.0]
+        for before, change in zip(way[:-1], np.diff(levels, axis=0), strict=True):
+            hinges = np.flatnonzero(change)
+            if len(hinges) == 1:
+                hinge = int(hinges[0])
+                sizes.append(self._turns.turn_size(before, hinge, int(change[hinge]))[0])
+            elif len(hinges) > 1:
+                sizes.append(self._turns.motion_size(before, hinges, change[hinges])[0])
+        return min(sizes)
 
     def table(self, states: Levels, size: float) -> TurnTable:
         """Return what each turn of each of (S, J) states leads to at a size."""

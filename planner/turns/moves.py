@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foldback.planner.arrays import Array
+from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import forward_kinematics
-from foldback.planner.chain.rotations import QUARTER_RAD
 from foldback.planner.clearance.sweep import ALLOWANCE_CAP, Between
 from foldback.planner.core import least_separation, near_pairs
 from foldback.planner.core.structures import Levels
-from foldback.planner.turns.turning import Turning
 
 PIECE_ORDER: Final = (4, 2, 6, 1, 3, 5, 7, 0)
 """Order in which the eighths of a motion are checked: where turns get in each other's way, it is
@@ -30,6 +28,24 @@ Move = tuple[Turn, ...]
 """Turns that are made at once: mostly one, or two where no single one is clear."""
 
 
+class TestedTurns(Protocol):
+    """Turns of single hinges that can be tested."""
+
+    @property
+    def size(self) -> float:
+        """Module size as a fraction of the pitch."""
+        ...
+
+    @property
+    def step_rad(self) -> Array | float:
+        """Angle of a step of each hinge, or of all hinges."""
+        ...
+
+    def clear_turns(self, start: Levels, hinges: Ints, changes: Ints, *, room: float) -> int:
+        """Return the number of turns before the first that is not clear."""
+        ...
+
+
 class RoomProof:
     """Proofs that modules keep a distance while hinges turn.
 
@@ -39,7 +55,7 @@ class RoomProof:
         room: Distance that modules must keep, pitches.
     """
 
-    def __init__(self, chain: Chain, turning: Turning, room: float) -> None:
+    def __init__(self, chain: Chain, turning: TestedTurns, room: float) -> None:
         self._turning = turning
         self._room = room
         self._proved: dict[tuple[bytes, bytes], bool] = {}
@@ -53,7 +69,7 @@ class RoomProof:
         """Return True if the even motion between two states with (J,) levels is proved clear."""
         key = (before.tobytes(), after.tobytes())
         if key not in self._proved:
-            poses = _poses(before, after, np.linspace(0.0, 1.0, len(PIECE_ORDER) + 1))
+            poses = self._poses(before, after, np.linspace(0.0, 1.0, len(PIECE_ORDER) + 1))
             self._proved[key] = all(
                 self._between.clearance(poses[k], poses[k + 1], ALLOWANCE_CAP) > 0.0
                 for k in PIECE_ORDER
@@ -74,7 +90,7 @@ class RoomProof:
         segments = np.searchsorted(joints, np.arange(len(self._chain)))
         reach = 2.0 * module.radius * self._size + sample_gap
         for places in (SAMPLES[:1], SAMPLES[1:]):  # the first one settles most motions
-            poses = forward_kinematics(module, _poses(before, after, places))
+            poses = forward_kinematics(module, self._poses(before, after, places))
             for positions, rotations in zip(poses.positions, poses.rotations, strict=True):
                 pairs = near_pairs(positions, reach, module.apart)
                 # Modules between which no hinge turns stay as they were.
@@ -85,6 +101,12 @@ class RoomProof:
                 if nearest[0] < sample_gap:
                     return False
         return True
+
+    def _poses(self, before: Levels, after: Levels, places: Array) -> Array:
+        """Return (P, J) angles at some places, 0 to 1, on the way from one state to another."""
+        step = self._turning.step_rad
+        start, end = step * before.astype(float), step * after.astype(float)
+        return start + places[:, None] * (end - start)
 
     def one_by_one(self, start: Levels, moves: list[Move]) -> bool:
         """Return True if moves are clear, made one by one from a state with (J,) levels on."""
@@ -107,12 +129,6 @@ class RoomProof:
                 pairs.append((before, state.copy()))
             first_move = end + 1
         return all(self.at_once(*pair) for pair in pairs)
-
-
-def _poses(before: Levels, after: Levels, places: Array) -> Array:
-    """Return (P, J) angles at some places, 0 to 1, on the way from one state to another."""
-    start, end = QUARTER_RAD * before.astype(float), QUARTER_RAD * after.astype(float)
-    return start + places[:, None] * (end - start)
 
 
 def moves_between(states: Levels) -> list[Move]:

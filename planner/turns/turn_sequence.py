@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -17,7 +18,11 @@ from foldback.planner.turns.merging import Merger
 from foldback.planner.turns.moves import Move, RoomProof, moves_between, states_after
 from foldback.planner.turns.room_search import RoomSearch
 from foldback.planner.turns.shortening import shortened
+from foldback.planner.turns.step_turning import StepTurning
 from foldback.planner.turns.tetrahedron_turns import tetrahedron_turning
+
+LATTICE_TURNINGS: Final = {"cells": cube_turning, "rings": tetrahedron_turning}
+"""Turns of modules that fill a lattice, by their filling; others turn by their joints' steps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,14 +72,17 @@ def find_turns(
     The search begins folded, where there is least room, and ends straight; reversed, it folds.
 
     Args:
-        chain: The chain: cubes on the lattice, or tetrahedra in the honeycomb.
+        chain: The chain: cubes on the lattice, tetrahedra in the honeycomb, or modules whose joints
+            turn in steps.
         module_size: Module size as a fraction of the pitch.
         at_once: Maximum number of hinges that turn in one step; None for no limit.
         seed: Seed of the search.
         roomy: True to search with the most room alone.
         cancelled: Polled before each turn.
     """
-    turning = (cube_turning if chain.module.fills_cell else tetrahedron_turning)(chain, module_size)
+    if chain.module.filling not in LATTICE_TURNINGS:
+        return _find_steps(chain, module_size=module_size, at_once=at_once, seed=seed)
+    turning = LATTICE_TURNINGS[chain.module.filling](chain, module_size)
     search = RoomSearch(
         chain, turning, pairs=at_once != 1, roomy=roomy, seed=seed, cancelled=cancelled
     )
@@ -95,6 +103,32 @@ def find_turns(
         hinges=tuple(tuple(hinge for hinge, _ in step) for step in steps),
         turns=sum(map(len, steps)),
         room=search.room,
+    )
+
+
+def _find_steps(
+    chain: Chain, *, module_size: float, at_once: int | None, seed: int
+) -> TurnSequence | NoTurns:
+    """Search for turns by the joints' steps, with the most room that there is."""
+    turning = StepTurning(chain, module_size)
+    way = turning.way(together=at_once != 1, seed=seed)
+    if not way.reached:
+        angles = turning.step_rad * way.states.astype(float)
+        angles[0] = chain.folded_rad
+        return NoTurns(outcome="stuck", expanded=way.expanded, last_rad=angles)
+    room = turning.room(way.size)
+    proof = RoomProof(chain, turning, room)
+    moves = shortened(turning.folded, moves_between(way.states), proof)
+    max_turns = len(chain.folded_rad) if at_once is None else at_once
+    steps = _fewest_steps(turning.folded, moves, Merger(proof, at_once=max_turns))
+    rests = turning.step_rad * states_after(np.zeros_like(turning.folded), steps).astype(float)
+    if steps:
+        rests[-1] = chain.folded_rad
+    return TurnSequence(
+        rest_angles_rad=rests,
+        hinges=tuple(tuple(hinge for hinge, _ in step) for step in steps),
+        turns=sum(map(len, steps)),
+        room=room,
     )
 
 

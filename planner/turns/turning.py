@@ -80,7 +80,8 @@ class Turning:
     Attributes:
         width: Number of states that a search for turns keeps at first.
         folded: (J,) levels of the folded chain.
-        module_size: Module size as a fraction of the pitch.
+        size: Module size as a fraction of the pitch.
+        step_rad: Angle of a level.
         cell_gap: Gap between modules in neighbouring cells, pitches.
     """
 
@@ -96,6 +97,7 @@ class Turning:
     ) -> None:
         self.width = width
         self.size = module_size
+        self.step_rad = QUARTER_RAD
         self.cell_gap = gap_between_cells(chain, module_size)
         self.folded: Levels = np.rint(chain.folded_rad / QUARTER_RAD).astype(np.int8)
         self._module = chain.module

@@ -32,6 +32,7 @@ COMMANDS: Final = {
     "shape": "Find a path through a shape.",
     "module": "Check a module for faults, or read a module out of a URDF file.",
     "solve": "Solve a snake cube, or find pieces that fill a solid.",
+    "verdict": "Say whether turns of joints lead to a figure, with a proof.",
     "verify": "Recheck a plan's files and figures; replay the plan in the simulator MuJoCo.",
     "play": "Show a fold in the browser.",
     "export": "Export a finished fold as URDF, MCAP, an animated scene and more.",

@@ -36,6 +36,7 @@ PLANNER_COMMANDS = (
     "servos --torque 3 --pitch-mm 40 --material pla",
     "settings",
     "solve 3,2,2,3,2,3,2,2,3,3,2,2,2,3,3,3,3",
+    "verdict lightsabre --file proof.json",
 )
 """Commands that need no extra, with arguments; each runs in the directory of the one before."""
 NOT_INSTALLED = (".d.ts", ".cpp", ".hpp", "CMakeLists.txt")
