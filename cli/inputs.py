@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 
 from foldback.cli.exit_statuses import INVALID_INPUT
-from foldback.cli.typed_codes import typed_snake, typed_snake_cube
+from foldback.cli.typed_codes import typed_code, typed_snake, typed_snake_cube
 from foldback.planner.errors import InputError
 from foldback.planner.readers.angle_strings import HEADING
 from foldback.planner.readers.gallery import Gallery
@@ -69,8 +69,11 @@ def _read_input(shape: str | None, angles: str | None) -> tuple[bytes, str]:
     if shape is None:
         return f"{HEADING}\n{angles}".encode(), "typed.txt"
     path = Path(shape)
-    if not path.exists() and (example := Gallery().shape(shape)) is not None:
-        return example.data, example.filename
+    if not path.exists():
+        if (example := Gallery().shape(shape)) is not None:
+            return example.data, example.filename
+        if (code := typed_code(shape)) is not None:
+            return code
     return bytes_of(path), path.name
 
 

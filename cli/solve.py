@@ -20,11 +20,11 @@ from foldback.planner.arrays import Ints
 from foldback.planner.chain.path import Path as CellPath
 from foldback.planner.errors import InputError
 from foldback.planner.pathfinding.snake_cubes import (
-    DEFAULT_MAX_STEPS,
     MAX_PIECES,
     SnakeCubeSearch,
     box_cells,
     boxes_of,
+    default_max_steps,
     find_common_sequence,
     find_sequence,
     fold_sequence,
@@ -81,8 +81,11 @@ def solve(
         typer.Option(help="Output file for the first solution, as a chain that 'fold' takes."),
     ] = None,
     max_steps: Annotated[
-        int, typer.Option(help="Attempts to place a piece after which the search ends.")
-    ] = DEFAULT_MAX_STEPS,
+        int | None,
+        typer.Option(
+            help="Attempts to place a piece after which the search ends. Default: half a minute."
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the order of the search.")] = 0,
     as_json: AsJson = False,
 ) -> None:
@@ -92,7 +95,7 @@ def solve(
         solids = _solids(into or [], sequence)
         limits: _Limits = {
             "max_solutions": MAX_LISTED_SOLUTIONS if every else 1,
-            "max_steps": max_steps,
+            "max_steps": default_max_steps(len(solids[0])) if max_steps is None else max_steps,
             "seed": seed,
         }
         search = _search(sequence, solids, corners, limits)

@@ -7,7 +7,12 @@ from typing import Annotated
 import typer
 
 from foldback.planner.errors import InputError
-from foldback.planner.readers.twist_codes import CUBE_NOTATIONS, SNAKE_NOTATIONS, read_twist_code
+from foldback.planner.readers.twist_codes import (
+    CUBE_NOTATIONS,
+    SNAKE_NOTATIONS,
+    is_twist_code,
+    read_twist_code,
+)
 from foldback.planner.twist_chains.cube_sequence import CubeSequence
 from foldback.planner.twist_chains.figures import (
     known_snake_cube,
@@ -37,6 +42,19 @@ SnakeCube = Annotated[
         f"({', '.join(f'{name}:' for name in CUBE_NOTATIONS)}), or the name of a known one.",
     ),
 ]
+
+
+def typed_code(text: str) -> tuple[bytes, str] | None:
+    """Return the bytes and name of a file for a code or name; None if a text is neither.
+
+    Raises:
+        InputError: ``several-figures``.
+    """
+    if snake_figure(text) is not None:
+        return typed_snake(text)
+    if known_snake_cube(text) is not None:
+        return typed_snake_cube(text)
+    return (text.encode(), "") if is_twist_code(text) else None
 
 
 def typed_snake(text: str) -> tuple[bytes, str]:

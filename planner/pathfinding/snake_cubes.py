@@ -24,7 +24,10 @@ from foldback.planner.twist_chains.folded_chains import cube_chain
 MAX_PIECES: Final = 1000
 """Maximum number of pieces of a snake cube that is solved."""
 DEFAULT_MAX_STEPS: Final = 100_000_000
-"""Steps after which a search ends without an answer: half a minute of processor time."""
+"""Steps after which a search of up to ``USUAL_PIECES`` pieces ends without an answer: half a minute
+of processor time. Longer snakes get fewer, because a step takes longer with more pieces."""
+USUAL_PIECES: Final = 64
+"""Number of pieces up to which searches get all steps."""
 MAX_SOLUTIONS: Final = 200_000
 """Maximum number of solutions that one search lists; a cube of 3³ has 103 346 paths in all."""
 SLICE_STEPS: Final = 1_000_000
@@ -184,6 +187,11 @@ def boxes_of(count: int) -> tuple[tuple[int, int, int], ...]:
     return tuple(sorted(boxes, key=sum))
 
 
+def default_max_steps(pieces: int) -> int:
+    """Return the number of steps after which a search of so many pieces ends without an answer."""
+    return DEFAULT_MAX_STEPS * USUAL_PIECES // max(pieces, USUAL_PIECES)
+
+
 def box_chains(sequence: CubeSequence, *, seed: int = 0) -> tuple[Chain, ...]:
     """Return snake cubes that are folded into a box: a cube if there is one of so many cells.
 
@@ -192,19 +200,21 @@ def box_chains(sequence: CubeSequence, *, seed: int = 0) -> tuple[Chain, ...]:
     Raises:
         InputError: ``no-folding`` if the pieces fill no box, or if no way was found.
     """
-    whole = True
+    is_complete, steps = True, default_max_steps(len(sequence))
     for sides in boxes_of(len(sequence)):
         search = fold_sequence(
             sequence,
             box_cells(sides),
             max_solutions=MAX_BOX_CHAINS if len(sequence) <= MAX_SMALL_PIECES else 1,
+            max_steps=steps,
             seed=seed,
         )
+        steps -= search.steps
         if len(search.paths):
             name = f"Snake cube {' × '.join(map(str, sides))}"
             return tuple(cube_chain(path, name=name) for path in search.paths[:, 0])
-        whole &= search.is_complete
-    if whole:
+        is_complete &= search.is_complete
+    if is_complete:
         raise InputError(
             "no-folding",
             f"these {len(sequence)} pieces cannot be folded into a box: all ways were tried; check "

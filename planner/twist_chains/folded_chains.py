@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from foldback.planner.arrays import Flags, Ints
-from foldback.planner.chain.built_in_modules import MODULE_NAMES, module_named
+from foldback.planner.chain.built_in_modules import MODULE_NAMES, module_named, module_of
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import Module
 from foldback.planner.chain.module_file import with_pattern
@@ -63,9 +63,9 @@ def snake_code_of(chain: Chain) -> SnakeCode | None:
 
 
 def cube_module(sequence: CubeSequence) -> Module:
-    """Return the module of a snake cube with these pieces."""
+    """Return the module of a snake cube with these pieces; equal sequences have the same one."""
     pattern = [PIECES[corner] for corner in sequence.corners]
-    return with_pattern(module_named(CUBE_MODULE), pattern)
+    return module_of(with_pattern(module_named(CUBE_MODULE), pattern).document)
 
 
 def cube_chain(cells: Ints, *, name: str = "snake cube") -> Chain:

@@ -18,8 +18,7 @@ from foldback.planner.chain.built_in_modules import described_words
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import Module
 from foldback.planner.chain.path import Path as CellPath
-from foldback.planner.pathfinding.snake_cubes import box_chains
-from foldback.planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest, PreviewRequest
+from foldback.planner.pipeline.request import FoldRequest, PreviewRequest
 from foldback.planner.playback.unfolding import check_fits
 from foldback.planner.readers import read
 from foldback.planner.shapes.shape import Shape
@@ -27,6 +26,7 @@ from foldback.planner.shapes.solid import Solid
 from foldback.planner.storage.file_names import START_PLAN
 from foldback.planner.storage.files import write_sealed_json
 from foldback.planner.twist_chains.cube_sequence import CubeSequence
+from foldback.planner.twist_chains.folded_chains import cube_module
 from foldback.server.processes.scratch import READ_CONTENT, request_in
 
 MAX_DRAWN_CELLS: Final = 4000
@@ -49,7 +49,10 @@ def check(directory: Path) -> dict[str, Any]:
     contents = read(data, filename=request.filename, as_voxels=request.as_voxels)
     begins = _begins(directory) if request.refold else None
     if isinstance(contents, CubeSequence):
-        contents = box_chains(contents, seed=request.seed % PATH_SEED_MODULUS)[0]
+        module, modules = cube_module(contents), len(contents)  # solved when it is folded
+        if begins is not None:
+            check_fits(begins, module, modules)
+        return {"name": "Snake cube", "module": module.name, "modules": modules}
     if isinstance(contents, CellPath) and request.kind.follows_paths:
         contents = Chain.from_path(contents)
     if isinstance(contents, Chain):

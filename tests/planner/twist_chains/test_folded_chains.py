@@ -55,6 +55,7 @@ def test_cubes_lie_in_the_cells_of_all_solutions() -> None:
                 chain = cube_chain(path)
                 assert np.allclose(chain.folded_poses.positions, path)
                 assert cube_sequence_of(chain) == puzzle.sequence
+                assert chain.module is cube_module(puzzle.sequence)
 
 
 def test_a_snake_cube_at_rest_is_a_planar_zigzag() -> None:

@@ -59,6 +59,11 @@ def test_codes_and_names_as_inputs() -> None:
     assert read_input(None, snake_cube="3 2 2 3 2 3 2 2 3 3 2 2 2 3 3 3 3")[0] == (
         f"cube: {WOODEN[::-1]}".encode()
     )
+    assert read_input("Half balls")[1] == "half balls.txt"
+    assert read_input("kev's kubes")[0].startswith(b"cube: 0011")
+    assert read_input("digits: 0132")[0] == b"digits: 0132"
+    with refused("no-file"):
+        read_input("no such figure")
     for arguments in ({}, {"snake": "0", "snake_cube": "0"}, {"angles": "0", "snake": "0"}):
         with refused("no-input"):
             read_input(None, **arguments)
