@@ -52,7 +52,7 @@ def check(directory: Path) -> dict[str, Any]:
         module, modules = cube_module(contents), len(contents)  # solved when it is folded
         if begins is not None:
             check_fits(begins, module, modules)
-        return {"name": "Snake cube", "module": module.name, "modules": modules}
+        return _described("Snake cube", module, modules)
     if isinstance(contents, CellPath) and request.kind.follows_paths:
         contents = Chain.from_path(contents)
     if isinstance(contents, Chain):

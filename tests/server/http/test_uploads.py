@@ -35,6 +35,28 @@ def test_bad_input_is_refused_with_code_and_where(idle: Service) -> None:
     assert len(list(idle.directory(".").iterdir())) == before
 
 
+def test_codes_of_snakes_and_snake_cubes_are_accepted(idle: Service) -> None:
+    for text, name, module, modules in (
+        ("11331311313311331311313", "figure", "snake-prism", 24),
+        ("cube: 001010101111010111011011100", "Snake cube", "snake-cube", 27),
+    ):
+        with case(text):
+            files = {"file": ("figure.txt", text.encode())}
+            state = idle.state(idle.http.post("/api/folds", files=files).json()["id"])
+            assert (state["name"], state["module"], state["modules"]) == (name, module, modules)
+            report = idle.preview("figure.txt", text.encode())
+            assert (report["kind"], report["module"]) == ("chain", module)
+            assert len(report["positions"]) == modules
+    for text, code in (
+        ("LRLLR", "ambiguous-code"),
+        ("2222222", "overlap"),
+        ("1L1 2R2", "bad-code"),
+    ):
+        with case(text):
+            answer = idle.http.post("/api/folds", files={"file": ("a.txt", text.encode())})
+            check_problem(answer, 422, code)
+
+
 def test_too_large_upload_is_refused_while_it_comes_in(idle: Service) -> None:
     answer = idle.http.post("/api/folds", files={"file": ("big.json", b"[" * 400_000)})
     assert "the limit of 0.191 MB" in check_problem(answer, 413, "too-large")
