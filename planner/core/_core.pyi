@@ -648,13 +648,14 @@ def chain_inverse_step_limit(
         limits: Displacements that are allowed in one step.
     """
 
-def unfolded_share(angles: Array, positions: Array, folded_rad: float) -> float:
+def unfolded_share(angles: Array, positions: Array, folded_rad: float, length: float) -> float:
     """Return the progress of a chain from 0 to 1: half by its bends, half by its span.
 
     Args:
         angles: (J,) hinge angles, rad.
         positions: (n, 3) centres of the modules, in pitches.
         folded_rad: Sum of the bends of the folded chain.
+        length: Distance of the ends of the extended chain, in pitches.
     """
 
 def floating_peel_steps(

@@ -26,7 +26,7 @@ struct ExplodingChain {
 struct RadialDrive {
   View<const double, 1> weights;
   View<const double, 2> creep;
-  double bend_rad, spring, tension, gain, loose_gain;
+  double bend_rad, length, spring, tension, gain, loose_gain;
   double weak_gain, weak_tension;
   double ramp_begins, ramp_ends;
   Index weak_steps;
@@ -43,8 +43,9 @@ static auto fields(ExplodingChain &c) {
   return std::tie(c.chain, c.hull, c.size, c.cutoff, c.apart, c.limits);
 }
 static auto fields(RadialDrive &d) {
-  return std::tie(d.weights, d.creep, d.bend_rad, d.spring, d.tension, d.gain, d.loose_gain,
-                  d.weak_gain, d.weak_tension, d.ramp_begins, d.ramp_ends, d.weak_steps);
+  return std::tie(d.weights, d.creep, d.bend_rad, d.length, d.spring, d.tension, d.gain,
+                  d.loose_gain, d.weak_gain, d.weak_tension, d.ramp_begins, d.ramp_ends,
+                  d.weak_steps);
 }
 static auto fields(ChainSteps &s) {
   return std::tie(s.time_s, s.angles, s.position, s.rotation, s.centres);
@@ -76,13 +77,13 @@ double sum_of_magnitudes(std::span<const double> values) {
 }
 
 // Progress of a chain from 0 to 1: half by its bends, as a share of those of the folded chain, half
-// by its span.
+// by its span, as a share of that of the extended one.
 double unfolded_share(View<const double, 1> angles, View<const double, 2> positions,
-                      double folded_rad) {
+                      double folded_rad, double length) {
   const double bent = sum_of_magnitudes({angles.begin(), angles.end()}) / folded_rad;
   const Index end = positions.size() - 1;
   const Vector<double> span = load(positions[end].data()) - load(positions[0].data());
-  return 0.5 * (1.0 - bent) + 0.5 * (std::sqrt(fused_dot(span, span)) / static_cast<double>(end));
+  return 0.5 * (1.0 - bent) + 0.5 * (std::sqrt(fused_dot(span, span)) / length);
 }
 
 Vector<double> mean(View<const double, 2> rows) {
@@ -129,7 +130,7 @@ double write_chain_forces(const RadialDrive &drive, double tension, bool is_weak
   for (double *force = out.begin(); force != out.end(); ++force) *force *= gain;
   for (Index i = 0; i < drive.creep.size(); ++i)
     for (int r = 0; r < 3; ++r) out(i, r) += drive.creep(i, r);
-  const double progress = unfolded_share(angles, positions, drive.bend_rad);
+  const double progress = unfolded_share(angles, positions, drive.bend_rad, drive.length);
   const double looseness =
       std::clamp((progress - drive.ramp_begins) / (drive.ramp_ends - drive.ramp_begins), 0.0, 1.0);
   const double push = drive.gain * (1.0 + (drive.loose_gain - 1.0) * looseness);
@@ -275,11 +276,12 @@ void bind_chain_steps(nanobind::module_ &m) {
       "Return 1/Δt_max in 1/s of hinges, near modules, and all modules.");
   m.def(
       "unfolded_share",
-      [](View<const double, 1> angles, View<const double, 2> positions, double folded_rad) {
+      [](View<const double, 1> angles, View<const double, 2> positions, double folded_rad,
+         double length) {
         require(positions.size() > 1 && positions.axis(1) == 3, "positions: (n, 3), two or more");
-        return unfolded_share(angles, positions, folded_rad);
+        return unfolded_share(angles, positions, folded_rad, length);
       },
-      nb::arg("angles"), nb::arg("positions"), nb::arg("folded_rad"),
+      nb::arg("angles"), nb::arg("positions"), nb::arg("folded_rad"), nb::arg("length"),
       "Return the progress of a chain from 0 to 1: half by its bends, half by its span.");
 }
 

@@ -756,6 +756,7 @@ class RadialDrive(NamedTuple):
         weights: (n,) relative radial gains of the modules.
         creep: (n, 3) forces along the chain in one step; (0, 3) for none.
         bend_rad: Sum of the bends of the folded chain.
+        length: Distance of the ends of the extended chain, in pitches.
         spring: Stiffness of the hinges' springs.
         tension: Largest force that may add up along the chain, as a multiple of ``spring``.
         gain: γ of the paper's eq. 3 while the chain is packed.
@@ -768,6 +769,7 @@ class RadialDrive(NamedTuple):
     weights: Array
     creep: Array
     bend_rad: float
+    length: float
     spring: float
     tension: float
     gain: float

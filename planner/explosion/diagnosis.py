@@ -13,6 +13,7 @@ import numpy as np
 
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.extension import bending_hinges
 from foldback.planner.core import FIXED, near_pairs
 from foldback.planner.explosion.blocking import STUCK_JOINT_BEND_RAD, blocked, no_quarter_turn
 from foldback.planner.explosion.failure_evidence import (
@@ -188,9 +189,12 @@ def stuck_of(
 
 
 def _bends(chain: Chain, last: Motion) -> tuple[Array, Array]:
-    """Return the largest angle of each joint, rad, in a frame and when folded."""
-    hinges = chain.module.hinges_per_joint
-    now, folded = last.joint_angles_rad[0], chain.folded_rad
+    """Return the largest bend of each joint, rad, in a frame and when folded.
+
+    Hinges that twist the chain about its own line do not bend it.
+    """
+    hinges, bending = chain.module.hinges_per_joint, bending_hinges(chain)
+    now, folded = last.joint_angles_rad[0] * bending, chain.folded_rad * bending
     return (
         np.abs(now).reshape(-1, hinges).max(axis=1),
         np.abs(folded).reshape(-1, hinges).max(axis=1),

@@ -15,6 +15,7 @@ import numpy as np
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.extension import extended_length
 from foldback.planner.chain.module import DEFAULT_MODULE_SIZE, Module
 from foldback.planner.core import near_pairs, repulsion, unfolded_share
 from foldback.planner.explosion.loop.checkpoint import Checkpoint, Pulses
@@ -115,6 +116,8 @@ class PublishedChain:
         self._repulsion_gain = p.repulsion_gain / p.pitch_cm**2 / force
         self._cutoff = p.repulsion_cutoff
         self._reach = 2.0 * chain.module.radius * p.geom_size
+        self.length = extended_length(chain)
+        """Distance of the ends of the extended chain, pitches."""
 
     def place(self) -> None:
         """Compute the poses of the present state."""
@@ -156,7 +159,7 @@ class PublishedChain:
     def unfolded(self) -> float:
         """Return the progress, 0 to 1: half by the joints' bends, half by the chain's span."""
         return unfolded_share(
-            self.state.angles, self.segments.positions, folded_bend_rad(self.chain)
+            self.state.angles, self.segments.positions, folded_bend_rad(self.chain), self.length
         )
 
 
@@ -212,7 +215,7 @@ class Published(Explosion[PublishedChain, Step]):
                 Spent("motion", self.max_steps, steps),
             )
         positions = world.segments.positions
-        span = float(np.linalg.norm(positions[-1] - positions[0])) / (len(positions) - 1)
+        span = float(np.linalg.norm(positions[-1] - positions[0])) / world.length
         if np.abs(world.state.angles).max() < 0.05 and span >= 0.99:
             world.state.angles[:] = 0.0
             return STRAIGHT

@@ -138,7 +138,7 @@ class KinematicFinish:
     def frames(self, world: WholeChain, step: int) -> Motion | None:
         """Return frames from a state to the straight one; None if modules may touch, or not yet."""
         p = self.parameters
-        if step < self.next_step or np.abs(world.state.angles).max() > p.finish_rad:
+        if step < self.next_step or world.largest_bend_rad > p.finish_rad:
             return None
         frames = straightening(
             world.chain,
@@ -340,6 +340,7 @@ class Simultaneous(Explosion[WholeChain, Step]):
     def _stalled(self) -> End:
         """Return the end of a stuck run, with the joint that stays bent."""
         angles, pulses = np.abs(self.world.state.angles), self.pulses
+        angles = angles * self.world.bending if self.world.bending.any() else angles
         worst = self.world.chain.module_before(int(np.argmax(angles)))
         reason = Reason.of(
             Code.STUCK, pushes=pulses.count, module=int(worst), bend_rad=float(angles.max())

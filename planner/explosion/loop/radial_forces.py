@@ -64,6 +64,11 @@ class PlacedChain(Protocol):
         ...
 
     @property
+    def length(self) -> float:
+        """Distance of the ends of the extended chain, pitches."""
+        ...
+
+    @property
     def folded_bend_rad(self) -> float:
         """Sum of the bends of the folded chain, rad."""
         ...
@@ -126,6 +131,7 @@ class RadialForces:
             weights=self.weights,
             creep=self._creep(world, control.step_s) if creeps else np.zeros((0, 3)),
             bend_rad=world.folded_bend_rad,
+            length=world.length,
             spring=p.spring,
             tension=self.tension,
             gain=p.repulsion_gain,

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.extension import bending_hinges, extended_length
 from foldback.planner.core import (
     chain_inverse_step_limit,
     chain_steps,
@@ -68,6 +69,10 @@ class WholeChain:
         """(P, 2) pairs of modules that repel each other, as placed last."""
         self.folded_bend_rad = folded_bend_rad(chain)
         """Sum of the bends of the folded chain, rad."""
+        self.length = extended_length(chain)
+        """Distance of the ends of the extended chain, pitches."""
+        self.bending = bending_hinges(chain)
+        """(J,) True for the hinges whose turn shortens the extended chain."""
         p, radius = parameters, chain.module.radius
         self._limits = ChainLimits(
             p.joint_cap_rad,
@@ -76,6 +81,11 @@ class WholeChain:
             packed=PairLimits(radius, p.pair_cap, p.slide_cap),
             loose=PairLimits(radius, p.pair_cap_loose, p.slide_cap),
         )
+
+    @property
+    def largest_bend_rad(self) -> float:
+        """Largest angle of a hinge that bends the chain; others twist it about its own line."""
+        return float(np.abs(self.state.angles[self.bending]).max(initial=0.0))
 
     @property
     def all_joints_free(self) -> bool:
@@ -171,7 +181,9 @@ class WholeChain:
 
     def unfolded(self) -> float:
         """Return the progress, 0 to 1: half by the joints' bends, half by the chain's span."""
-        return unfolded_share(self.state.angles, self.engine.positions, self.folded_bend_rad)
+        return unfolded_share(
+            self.state.angles, self.engine.positions, self.folded_bend_rad, self.length
+        )
 
 
 def body_cap_scale(chain: Chain) -> float:
