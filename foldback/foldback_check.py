@@ -386,8 +386,9 @@ class Module:
         self.links[:, 0, 0, 1:] = anchor
         self.links[:, -1, 0, 1:] = np.einsum("tab,tb->ta", turns[:, -1], offset)
         faces = np.concatenate([part.faces for part in parts])
-        lengths = np.concatenate([*(one for part in parts for one in (part.corners, part.edges)),
-                                  anchor, offset])
+        lengths = np.concatenate([anchor, offset, *(
+            part[name] for piece in description["pieces"] for part in piece
+            for name in ("corners", "edges"))])
         require(np.abs(turns @ turns.swapaxes(2, 3) - ONE).max() < 1e-15 and
                 (np.linalg.det(turns) > 0).all() and np.abs(lengths).max() < 1e6 and
                 np.abs((faces**2).sum(1) - 1).max() < 1e-15 and self.length > 1e-6 and

@@ -73,9 +73,15 @@ def certainly_false(path: FilePath) -> bool:
     before_angles, after_angles = (plan.motion.angles_at(plan.chain, k) for k in (before, after))
     angles = before_angles + (computed_sweep.frame - before) * (after_angles - before_angles)
     poses = plan.chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-    corners = plan.chain.module.vertices * size
-    hulls = [poses.positions[k] + corners @ poses.rotations[k].T for k in computed_sweep.modules]
-    return distance(*hulls) < claim - MIN_VIOLATION_PITCH
+    parts = [
+        [
+            poses.positions[k] + size * part.corners @ poses.rotations[k].T
+            for part in plan.chain.module.piece(k).parts
+        ]
+        for k in computed_sweep.modules
+    ]
+    nearest = min(distance(one, other) for one in parts[0] for other in parts[1])
+    return nearest < claim - MIN_VIOLATION_PITCH
 
 
 def distance(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:

@@ -39,7 +39,7 @@ HALVES: Final = read_module(
                 "entry": {"at": [0, 0, 0]},
                 "exit": {"at": [1, 0, 0]},
                 "joint": {
-                    "kind": "twist",
+                    "kind": "hinge",
                     "hinges": [{"axis": [1, 1, 1], "range_deg": [-130, 250]}],
                     "step_deg": 120,
                 },
