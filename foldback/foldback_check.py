@@ -375,6 +375,9 @@ class Module:
         self.pieces = [[Part(part, size) for part in piece] for piece in description["pieces"]]
         self.piece, self.link = np.array(description["pattern"]).T
         parts = [part for piece in self.pieces for part in piece]
+        corners, faces, edges = (max(len(getattr(part, name)) for part in parts)
+                                 for name in ("corners", "faces", "edges"))
+        self.work = max(256, corners * max(2 * faces + 1, edges**2))  # numbers for a pair of parts
         self.radius = max(np.linalg.norm(part.corners, axis=1).max() for part in parts) * (
             1 + 1e-12)
         self.length = (np.linalg.norm(anchor, axis=1) + np.linalg.norm(offset, axis=1)).max() * (
@@ -722,8 +725,7 @@ class Proof:
         rows = np.concatenate([rows, *(np.insert(item[3], 0, b, axis=1)
                                        for b, item in enumerate(items) if item[3] is not None)])
         self.looks += len(rows)
-        sides = max(len(part.edges) for piece in self.plan.module.pieces for part in piece)
-        parts = np.array_split(rows, len(rows) * max(64, sides**2) // (64 * PAIRS_AT_ONCE) + 1)
+        parts = np.array_split(rows, len(rows) * self.plan.module.work // (256 * PAIRS_AT_ONCE) + 1)
         open_rows = np.concatenate([self._left(batch, part) for part in parts])
         for b in np.union1d(crowded, open_rows[:, 0]):
             k, t, w, _ = items[b]

@@ -1,5 +1,6 @@
 """Modules of several pieces and parts: both independent checkers prove them, and no forged one."""
 
+import tracemalloc
 from collections.abc import Callable, Iterator
 from pathlib import Path as FilePath
 from typing import Any, Final
@@ -300,3 +301,17 @@ def test_shipped_twist_modules_are_known_in_any_pattern_and_shape_at_rest() -> N
                 described = foldback_check.geometry(values, foldback_check.FORMATS[1])
                 assert foldback_check.is_usual(name, described)
     assert {*foldback_check.TWISTS, *foldback_check.MODULES} <= set(MODULE_NAMES)
+
+
+def test_many_corners_and_edges_take_little_memory(tmp_path: FilePath) -> None:
+    geometry = geometry_of(MODULES["prisms"])
+    part = geometry["pieces"][0][0]
+    part |= {"corners": part["corners"] * 16, "edges": part["edges"] * 24}
+    angles = np.zeros((2, 39)) + [[0.0], [1e-3]]
+    path = save(tmp_path / "plan.npz", angles, kind="many", claim=0.04, geometry=geometry)
+    tracemalloc.start()
+    result = foldback_check.check(path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert "no gap above 0.033333333" in result["reason"]
+    assert peak < 2**28
