@@ -45,7 +45,7 @@ SHAPES: Final[dict[str, dict[str, list[float]]]] = {
     "molecube": {
         "block-9": [0, 120, -120, -120, 0, -120, -120, 0],
         "block-13": [-120, 120, 120, -120, -120, 0, 120, 0, -120, 0, -120, 120],
-        "ring": [120 if k % 3 == 2 else 0 for k in range(11)],
+        "coil": [(0.0 if k % 3 == 0 else -120.0) for k in range(13)],
     },
     "rofi": {
         "ring": [(0.0 if k % 3 == 1 else 21.0) for k in range(23)],
