@@ -41,9 +41,12 @@ from foldback.words.quantities import spacings
 def retime(
     *,
     directory: FoldDirectory,
-    max_speed: Annotated[float, typer.Option(help="Maximum joint speed, rad/s.")],
     max_acceleration: Annotated[float, typer.Option(help="Maximum joint acceleration, rad/s².")],
     out: Annotated[Path, typer.Option(help="Output file, .csv or .json.")],
+    max_speed: Annotated[
+        float | None,
+        typer.Option(help="Maximum joint speed, rad/s. Default: that of the module, if known."),
+    ] = None,
     rate: Annotated[
         float | None,
         typer.Option(help="Rows per second in the output file. Default: one row per frame."),
@@ -51,7 +54,10 @@ def retime(
     check: Annotated[bool, typer.Option(help="Check the trajectory for collisions again.")] = True,
     module_mass: Annotated[
         float | None,
-        typer.Option(help="Mass of a module, kg. If it is given, torques are computed as well."),
+        typer.Option(
+            help="Mass of a module, kg. If it is known, torques are computed as well. Default: "
+            "that of the module, if known."
+        ),
     ] = None,
     pitch: Annotated[
         float | None, typer.Option(help="Distance between modules, m. Default: the plan's pitch.")
@@ -64,8 +70,8 @@ def retime(
     motor_torque: Annotated[
         float | None,
         typer.Option(
-            help="Motor torque, N·m. If it is given, foldback checks whether the motors are strong "
-            "enough."
+            help="Motor torque, N·m. If it is known, foldback checks whether the motors are strong "
+            "enough. Default: that of the module, if known."
         ),
     ] = None,
     table: Annotated[
@@ -79,10 +85,16 @@ def retime(
     """
     try:
         form = _form(out)
+        plan = read_plan(directory)
+        module = plan.chain.module
+        speed = _known(max_speed, module.speed_rad_s)
+        if speed is None:
+            raise InputError("no-speed", "this module has no known speed; add --max-speed RAD/S.")
+        module_mass = _known(module_mass, module.mass_kg)
         if module_mass is None and (motor_torque is not None or table is not None):
             raise InputError("no-mass", "torques cannot be computed without --module-mass KG.")
-        plan = read_plan(directory)
-        retimed = _retimed(plan, retime_plan(plan, max_speed, max_acceleration), rate, check=check)
+        motor_torque = _known(motor_torque, module.torque_nm)
+        retimed = _retimed(plan, retime_plan(plan, speed, max_acceleration), rate, check=check)
         parts = retimed.export(form)
         build = _build(plan, module_mass, pitch, gravity, floating=floating)
         motors = None
@@ -103,6 +115,11 @@ def retime(
         _show(retimed.facts(), motors, out)
     if not retimed.is_clear or (motors is not None and motors.would_do is False):
         raise typer.Exit(NOT_ACHIEVED)
+
+
+def _known(given: float | None, of_module: float | None) -> float | None:
+    """Return what is given, or else what is known of the module."""
+    return of_module if given is None else given
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, Final, Literal, cast
 
-from foldback.planner.chain.module import DEFAULT_DENSITY_KG_M3, DEFAULT_MODULE_SIZE
+from foldback.planner.chain.module import DEFAULT_DENSITY_KG_M3, DEFAULT_MODULE_SIZE, Module
 from foldback.planner.errors import InputError
 from foldback.planner.parameters.explosion import (
     ExplosionParameters,
@@ -102,6 +102,15 @@ class Parameters:
     module_size: float = DEFAULT_MODULE_SIZE
     density_kg_m3: float = DEFAULT_DENSITY_KG_M3
     joint_speed_limit_rad_s: float = 1.0
+
+    def of_robot(self, module: Module) -> Parameters:
+        """Return the parameters with density and joint speed of a module's real robot, if known."""
+        values: dict[str, float] = {}
+        if module.mass_kg is not None and module.pitch_m is not None:
+            values["density_kg_m3"] = module.mass_kg / (module.volume * module.pitch_m**3)
+        if module.speed_rad_s is not None:
+            values["joint_speed_limit_rad_s"] = module.speed_rad_s
+        return replace(self, **values)
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain JSON values, nested as the parameters are; no limit is left out."""

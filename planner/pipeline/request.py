@@ -272,7 +272,8 @@ class FoldRequest(PathOptions):
         """Return the parameters of the request.
 
         Args:
-            module: The kind of module that is folded, which has a default size; None for any.
+            module: The kind of module that is folded, which has a default size, and may have the
+                mass and speed of a real robot; None for any.
             smoothed: True for the parameters of smoothing a plan.
 
         Raises:
@@ -280,6 +281,8 @@ class FoldRequest(PathOptions):
         """
         PathOptions.check(self)
         parameters = self._plain()
+        if module is not None:
+            parameters = parameters.of_robot(module)
         if self.settings:
             parameters = with_settings(parameters, read_settings(self.settings))
         parameters = replace(parameters, strategy=self.strategy, at_once=self.at_once)

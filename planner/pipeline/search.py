@@ -99,7 +99,7 @@ class Result:
         assert self.certificate is not None
         return Plan.assembled(
             self.chain,
-            request.parameters(smoothed=is_smoothing(self.record)),
+            request.parameters(self.chain.module, smoothed=is_smoothing(self.record)),
             request.seed,
             self.record,
             self.playback,

@@ -44,7 +44,7 @@ def refuse_alone(document: dict[str, Any]) -> NoReturn:
     raise InputError(
         "module-alone",
         "this module has no faults, but a fold also needs the joint angles of the folded chain; "
-        f"add a chain file, or angles in degrees.{notes}",
+        f"add a chain file, or use --angles on the command line.{notes}",
     )
 
 

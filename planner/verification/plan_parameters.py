@@ -133,7 +133,7 @@ def request_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differ
         request = Workspace(directory).read_request()
         request.check()
         smoothed = plan.smoothing is not None
-        parameters = request.parameters(smoothed=smoothed)
+        parameters = request.parameters(plan.chain.module, smoothed=smoothed)
     except (*UNREADABLE, PlannerError) as error:
         yield f"request.json cannot be read ({error})"
         return

@@ -88,7 +88,7 @@ def robots_differ(directory: FilePath, plan: Plan, playback: Playback) -> Differ
         repeated = play_back(
             plan.chain,
             record,
-            request.parameters(smoothed=is_smoothing(record)),
+            request.parameters(plan.chain.module, smoothed=is_smoothing(record)),
             Watch(),
             seed=plan.seed,
             finer=int(attempt.get("finer", 1)),

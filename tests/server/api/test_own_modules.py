@@ -3,6 +3,9 @@
 import json
 from typing import Any
 
+import numpy as np
+
+from foldback.planner.plan.plan import Plan
 from tests.planner.chain.test_module_checks import RANGE, changed, document
 from tests.server.service_process import Service
 
@@ -14,6 +17,18 @@ def chain(module: dict[str, Any]) -> bytes:
     """Return a chain file with a module of its own."""
     values = {"format": "foldback-chain/1", "name": "bow", "joint_angles_deg": [30, 0, 30, 0]}
     return json.dumps({**values, "module": module}).encode()
+
+
+def test_chain_with_its_own_module_is_previewed_and_folded(service: Service) -> None:
+    report = service.upload("bow.json", chain(document()), "/api/shapes/preview").json()
+    assert (report["module"], report["modules"], report["has_path"]) == ("slab", 5, True)
+    answer = service.upload("bow.json", chain(document()))
+    assert answer.status_code == 202, answer.text
+    fold = service.wait_over(answer.json()["id"])
+    assert fold["status"] == "verified"
+    plan = Plan.load(service.data_dir / "folds" / fold["id"] / "plan.npz")
+    assert plan.chain.module.document == document()
+    np.testing.assert_allclose(np.rad2deg(plan.chain.folded_rad), [30, 0, 30, 0])
 
 
 def test_module_file_is_checked_over_http(service: Service) -> None:

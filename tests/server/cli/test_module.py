@@ -29,6 +29,13 @@ def test_module_out_of_a_urdf_file_folds(tmp_path: Path, monkeypatch: pytest.Mon
     plan = Plan.load(tmp_path / "arc" / "plan.npz")
     assert (plan.chain.module.name, len(plan.chain), plan.chain.pitch_m) == ("two-slabs", 7, 0.06)
     np.testing.assert_allclose(np.rad2deg(plan.chain.folded_rad), 40.0)
+    # Masses and speeds of the real robot are those of the URDF file.
+    assert plan.certificate.joint_speed_limit_rad_s == 4.0
+    density = 0.1 / (2 * 0.02 * 0.016 * 0.016)
+    np.testing.assert_allclose(plan.parameters["density_kg_m3"], density)
+    limits = ("--max-acceleration", "10", "--out", "arc.csv")
+    motors = foldback_json("retime", "arc", *limits)["motors"]
+    assert motors["motor_torque_nm"] == 1.5
 
 
 def test_faults_of_a_module_end_the_command(
