@@ -46,7 +46,7 @@ def export(
         exports = selected or exports_of(
             moving=len(plan.time_s) > 0,
             resting=bool(rest_frames(plan.playback)),
-            coded=has_code(plan.chain.module),
+            coded=has_code(plan.chain),
         )
         _check_directory(out, directory)
         with replacing_listed(out, sha256((directory / PLAN).read_bytes()).hexdigest()) as place:

@@ -53,11 +53,11 @@ def module(
         print(json.dumps({"status": "checked", "name": checked.name, "notes": notes}))
         return
     console = Console(soft_wrap=True, highlight=False)
-    pieces = len(checked.pieces)
+    pieces, hinges = len(checked.pieces), checked.hinges_per_joint
     console.print(
         f"The module {checked.name} has no faults: {pieces} "
-        f"piece{'' if pieces == 1 else 's'}, {checked.hinges_per_joint} hinge"
-        f"{'' if checked.hinges_per_joint == 1 else 's'} in each joint.",
+        f"piece{'' if pieces == 1 else 's'}, {hinges} hinge"
+        f"{'' if hinges == 1 else 's'} in each joint.",
         markup=False,
     )
     for note in notes:

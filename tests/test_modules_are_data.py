@@ -44,6 +44,7 @@ BUILDERS: Final = {
     "planner/chain/built_in_modules.py": "loads the shipped modules",
     "planner/chain/chain.py": "builds a chain of cubes along a path, and of tetrahedra on a trail",
     "planner/chain/module.py": "derives what a module can do from its data",
+    "planner/exports/code_text.py": "writes codes of snakes, with the number of prisms",
     "planner/readers/angle_strings.py": "reads a notation for chains of tetrahedra",
     "planner/readers/twist_codes.py": "reads notations for snakes, one of which is called cube",
     "planner/twist_chains/cube_sequence.py": "writes these notations",

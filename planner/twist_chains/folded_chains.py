@@ -56,7 +56,7 @@ def snake_chain(code: SnakeCode, *, name: str = "snake") -> Chain:
 
 def snake_code_of(chain: Chain) -> SnakeCode | None:
     """Return the code of a chain's folded shape; None for other modules or other angles."""
-    if not has_code(chain.module) or chain.module.filling != "half-cells":
+    if not _twists_by_quarters(chain.module) or chain.module.filling != "half-cells":
         return None
     quarters = quarters_of(chain)
     return None if quarters is None else code_of_quarters(quarters)
@@ -107,16 +107,21 @@ def cube_chain(cells: Ints, *, name: str = "snake cube") -> Chain:
 def cube_sequence_of(chain: Chain) -> CubeSequence | None:
     """Return the pieces of a snake cube; None for other modules."""
     pieces = [chain.module.piece(module) for module in range(len(chain))]
-    if not has_code(chain.module) or not all(piece.is_box for piece in pieces):
+    if not _twists_by_quarters(chain.module) or not all(piece.is_box for piece in pieces):
         return None
     corners = [bool(abs(piece.entry_axes[:, 0] @ piece.exit_axes[:, 0]) < 0.5) for piece in pieces]
     return CubeSequence((False, *corners[1:-1], False))
 
 
-def has_code(module: Module) -> bool:
+def has_code(chain: Chain) -> bool:
+    """Return True if a chain's folded shape has a code."""
+    return snake_code_of(chain) is not None or cube_sequence_of(chain) is not None
+
+
+def _twists_by_quarters(module: Module) -> bool:
     """Return True if joints turn about the direction of the chain, in steps of a quarter turn."""
-    return module.hinges_per_joint == 1 and all(
-        np.array_equal(piece.axes[0], piece.exit_axes[:, 0])
+    return all(
+        np.array_equal(piece.axes, piece.exit_axes[:, 0][None])
         and piece.step_rad is not None
         and abs(piece.step_rad - np.pi / 2) < CODE_TOLERANCE_RAD
         for piece in module.pieces
@@ -125,7 +130,7 @@ def has_code(module: Module) -> bool:
 
 def is_coded(name: str) -> bool:
     """Return True if a module of foldback's has this name, and chains of it have codes."""
-    return name in MODULE_NAMES and has_code(module_named(name))
+    return name in MODULE_NAMES and _twists_by_quarters(module_named(name))
 
 
 def quarters_of(chain: Chain) -> Ints | None:

@@ -216,7 +216,7 @@ def test_missing_path_is_explained_repaired_and_unrepaired(visit: Visit) -> None
     assert page.evaluate(WIDTH) <= 390
     modules = re.findall(r"\d+", add.inner_text())[1]
     add.tap()
-    expect(page.locator("#fold")).to_have_text(f"Fold {modules} modules")
+    expect(page.locator("#fold")).to_have_text(f"Fold {modules} cubes")
     expect(page.locator("#fold")).to_be_enabled()
     page.locator("#unrepair").tap()
     expect(page.locator("#trouble")).to_be_visible()

@@ -14,7 +14,7 @@ import pytest
 import viser
 from viser import _messages as messages
 
-from foldback.planner.chain.built_in_modules import TETRAHEDRON
+from foldback.planner.chain.built_in_modules import TETRAHEDRON, module_named
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.rotations import matrix_from_wxyz
 from foldback.web.palette import MAX_ERROR_RGB, NO_ERROR_RGB, UNKNOWN_ERROR_RGB
@@ -209,3 +209,27 @@ def test_tetrahedra_have_their_folded_poses() -> None:
     turns = arrays[nodes["/cells"]["batched_wxyzs"]["column"]].reshape(-1, 4)
     assert np.allclose(turns, poses.wxyzs, atol=1e-6)
     assert header["hull"]["modules"] == len(places)
+
+
+def test_path_of_modules_off_the_lattice_leads_from_centre_to_centre() -> None:
+    prism = module_named("snake-prism")
+    poses = Chain.from_angles(prism, np.deg2rad([90.0, 0.0, -90.0, 0.0, 90.0])).folded_poses
+    places = poses.positions.tolist()
+    stated = report(
+        **{"module_value": prism.document, "cells": np.rint(poses.positions).astype(int).tolist()},
+        **{"positions": places, "line": places, "wxyzs": poses.wxyzs.tolist()},
+    )
+    _, arrays, nodes = read_bundle(stated)
+    assert "/path/rods0" not in nodes
+    rods = nodes["/path/rods"]
+    centres, turns, scales = (
+        arrays[rods[f"batched_{name}"]["column"]].reshape(-1, width)
+        for name, width in (("positions", 3), ("wxyzs", 4), ("scales", 3))
+    )
+    beads = arrays[nodes["/path/beads"]["batched_positions"]["column"]].reshape(-1, 3)
+    steps = np.diff(beads, axis=0)
+    assert np.allclose(centres, beads[:-1] + steps / 2, atol=1e-5)
+    along = matrix_from_wxyz(turns.astype(np.float64))[:, :, 0]
+    across = np.cross(along, steps)
+    assert np.allclose(across, 0.0, atol=1e-5)
+    assert np.allclose(np.diff(scales[:, 0] / np.linalg.norm(steps, axis=1)), 0.0, atol=1e-5)

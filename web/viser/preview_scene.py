@@ -195,8 +195,11 @@ class _PreviewScene:
         middles = (cells[1:] + cells[:-1]) / 2
         axes = np.abs(steps).argmax(axis=1)
         mixed = ((colours[1:].astype(np.float64) + colours[:-1]) / 2).astype(np.uint8)
+        oblique = np.abs(np.abs(steps) - np.eye(3)[axes]).max(axis=1) > 1e-3  # rounded to 1e-4
+        if oblique.any():
+            self._oblique_rods(middles[oblique], mixed[oblique], steps[oblique])
         for axis in range(3):
-            along = axes == axis
+            along = (axes == axis) & ~oblique
             if along.any():
                 sides = np.full(3, PATH_WIDTH_PITCH)
                 sides[axis] = 1.0
@@ -204,6 +207,21 @@ class _PreviewScene:
         sizes = np.full(len(cells), PATH_WIDTH_PITCH * 1.06)
         sizes[[0, -1]] = 0.46 * 1.3
         self._cubes("/path/beads", cells, colours, batched_scales=sizes.astype(np.float32))
+
+    def _oblique_rods(self, middles: Array, colours: Bytes, steps: Array) -> None:
+        """Add the rods of a path for steps that are not of one pitch along an axis."""
+        lengths = np.linalg.norm(steps, axis=1)
+        # The half-way quaternion between the x axis and each direction; a rod has no sense.
+        x, y, z = steps.T / lengths * np.where(steps[:, 0] < 0.0, -1.0, 1.0)
+        turns = np.column_stack([1.0 + x, np.zeros(len(x)), -z, y])
+        self._cubes(
+            "/path/rods",
+            middles,
+            colours,
+            np.array([1.0, PATH_WIDTH_PITCH, PATH_WIDTH_PITCH]),
+            wxyzs=turns / np.linalg.norm(turns, axis=1)[:, None],
+            batched_scales=np.column_stack([lengths, np.ones((len(lengths), 2))]),
+        )
 
     def _modules(
         self, name: str, colours: Bytes, *, opacity: float | None = None, visible: bool = True

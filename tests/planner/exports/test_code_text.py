@@ -6,13 +6,14 @@ from itertools import product
 import numpy as np
 import pytest
 
+from foldback.planner.chain.built_in_modules import module_named
 from foldback.planner.chain.chain import Chain
 from foldback.planner.exports.code_text import write
 from foldback.planner.pathfinding.snake_cubes import fold_sequence
 from foldback.planner.plan.plan import Plan
 from foldback.planner.readers.twist_codes import EXAMPLES, read_twist_code
 from foldback.planner.twist_chains.figures import known_snake_cubes, snake_figures
-from foldback.planner.twist_chains.folded_chains import cube_chain, is_coded, snake_chain
+from foldback.planner.twist_chains.folded_chains import cube_chain, has_code, is_coded, snake_chain
 from foldback.planner.twist_chains.snake_code import SnakeCode
 from tests.planner.conftest import Folded
 from tests.refusal import refused
@@ -58,5 +59,8 @@ def test_only_twist_chains_have_codes(name: str, is_true: bool) -> None:
 
 def test_other_plans_are_refused(folded: Folded) -> None:
     assert not is_coded("somebodys-module")
+    assert not has_code(folded.plan.chain)
     with refused("no-code"):
         write(folded.plan)
+    angles = np.deg2rad([90.0, 0.0, 45.0])
+    assert not has_code(Chain.from_angles(module_named("snake-prism"), angles))

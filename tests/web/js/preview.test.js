@@ -162,6 +162,15 @@ test("the module that was clicked can become the first, which can be undone", ()
   assert.equal(preview.options.start, null);
 });
 
+test("a chain of a file folds on a table only if it can follow a path", () => {
+  const preview = opened();
+  assert.equal(preview.mayRest, true);
+  preview.take(report({ kind: "chain", follows_paths: false }));
+  assert.equal(preview.mayRest, false);
+  preview.take(report({ kind: "chain", follows_paths: true }));
+  assert.equal(preview.mayRest, true);
+});
+
 test("a report is put into words", () => {
   assert.equal(verdictOf(report({ iou: 0.987 })), "64 cubes · 99\u00a0% like your file");
   assert.equal(

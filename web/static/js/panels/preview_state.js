@@ -102,6 +102,11 @@ export class Preview {
     return this.pathModules.includes(this.options.module);
   }
 
+  // Return whether a chain may fold on a table; that of a file may have other modules.
+  get mayRest() {
+    return this.report?.kind !== "chain" || this.report.follows_paths;
+  }
+
   /** @returns {Form} */
   get fields() {
     return { ...(this.id ? { preview: this.id } : this.origin), ...this.options };

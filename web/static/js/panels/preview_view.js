@@ -1,6 +1,6 @@
 // View of a preview page: options and report in the
 // panel, and the 3D view or the drawing that replaces it.
-import { at, button, element, get, sentence, integerText } from "../lib/text.js";
+import { at, button, countedText, element, get, sentence, integerText } from "../lib/text.js";
 import { PreviewStage } from "../viewer/preview_scene.js";
 import { hasWebGL, load } from "../viewer/scene.js";
 import { showFor } from "./settings.js";
@@ -71,6 +71,7 @@ export function showOptions(preview) {
         input.dataset.hint;
     if (input.name === "module")
       input.disabled = onTable && !preview.pathModules.includes(input.value);
+    if (input.value === "table") input.disabled = !preview.mayRest;
   }
   if (count !== null) {
     get("modules").value = String(preview.placeOf(count));
@@ -204,8 +205,8 @@ export function showReport(preview, report, onChange) {
 }
 
 /** @param {Api.Preview} report */
-export const foldWords = ({ modules, has_path: path, final = true }) =>
-  path ? `Fold ${final ? "" : "about "}${integerText(modules)} modules` : "Fold";
+export const foldWords = ({ modules, module_words: words, has_path: path, final = true }) =>
+  path ? `Fold ${final ? "" : "about "}${countedText(modules, words)}` : "Fold";
 
 /**
  * @param {string} text
