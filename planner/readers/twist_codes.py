@@ -1,7 +1,7 @@
 """Codes of Rubik's snakes and snake cubes as text, in the notations of those who collect them.
 
-A text may name its notation: ``digits: 1133…``. Names and examples stand in ``EXAMPLES``. Without a
-name the notation follows from the text if only one fits; otherwise the text is refused, because a
+A text may name its notation: ``digits: 1133…``, or only say that it is a code of a ``snake`` or of a
+``snake-cube``. Names and examples stand in ``EXAMPLES``. Without a name the notation follows from the text if only one fits; otherwise the text is refused, because a
 code that is read in a wrong notation is another figure.
 """
 
@@ -15,6 +15,7 @@ from foldback.planner.readers.angle_strings import MAX_COLUMNS
 from foldback.planner.readers.limits import MAX_CELLS, quote, too_many
 from foldback.planner.twist_chains.cube_sequence import NOTATIONS as CUBE_NOTATIONS
 from foldback.planner.twist_chains.cube_sequence import CubeSequence, sequence_of_legs
+from foldback.planner.twist_chains.figures import snake_figure
 from foldback.planner.twist_chains.prism_lattice import check_overlap, closing_digit
 from foldback.planner.twist_chains.snake_code import LETTERS, SnakeCode
 from foldback.planner.twist_chains.snake_code import NOTATIONS as SNAKE_NOTATIONS
@@ -32,8 +33,11 @@ EXAMPLES: Final = {
     "run-and-legs": "run-and-legs: 3,1,2,1",
 }
 """Names of the notations, each with a short code."""
-FAMILY_NAMES: Final = {"snake": SNAKE_NOTATIONS, "snake-cube": CUBE_NOTATIONS}
-"""Names of the notations of snakes and of snake cubes."""
+FAMILY_NAMES: Final[dict[str, tuple[str, ...]]] = {
+    "snake": SNAKE_NOTATIONS,
+    "snake-cube": CUBE_NOTATIONS,
+}
+"""Names of the notations of snakes and of snake cubes; a text may have the family's name instead."""
 SNAKE_STEP: Final = 12
 """Snakes are sold with 24, 36, 48, 60 or 72 prisms: multiples of this number, from 24 on. A list of
 so many digits has one for the joint between the last prism and the first, which many collections
@@ -62,12 +66,13 @@ _SPACED: Final = re.compile(r"[^\S\n]+|[,;|]")
 
 
 def read_twist_code(
-    text: str, family: Family | None = None, *, max_modules: int = MAX_CELLS
+    text: str, family: str | None = None, *, max_modules: int = MAX_CELLS
 ) -> SnakeCode | CubeSequence:
     """Read a code of a Rubik's snake or a sequence of a snake cube.
 
     Args:
-        text: The code, with or without the name of its notation before a colon.
+        text: The code, with or without the name of its notation before a colon; of a snake also
+            the name of a known figure.
         family: Read only notations of snakes, or only those of snake cubes; None for both.
         max_modules: Maximum number of prisms or cubes.
 
@@ -82,11 +87,15 @@ def read_twist_code(
     if len(text) > MAX_CODE_CHARACTERS:
         raise too_many(len(text), MAX_CODE_CHARACTERS, "characters")
     prisms, name, body = _split(text)
+    if family is None and name in FAMILY_NAMES:
+        family, name = name, None
     allowed = FAMILY_NAMES[family] if family else (*SNAKE_NOTATIONS, *CUBE_NOTATIONS)
     if name is not None and name not in allowed:
         raise InputError(
             "bad-code", f"got the notation {quote(name)!r}, expected one of: {', '.join(allowed)}."
         )
+    if family == "snake" and name is None and (figure := snake_figure(body.strip())):
+        return figure.code
     fitting = notations_of(body, allowed) if name is None else (name,)
     if len(fitting) == 0:
         raise InputError(
@@ -116,7 +125,9 @@ def read_twist_code(
 
 def is_twist_code(text: str) -> bool:
     """Return True if a text names a notation, or if it fits one and nothing else is written so."""
-    if (match := _NAMED.match(text[:200])) and (match[2] or "").lower() in EXAMPLES:
+    if (match := _NAMED.match(text[:200])) and (
+        (match[2] or "").lower() in (*EXAMPLES, *FAMILY_NAMES)
+    ):
         return True
     if len(text) > MAX_CODE_CHARACTERS or _may_be_cells(text):
         return False

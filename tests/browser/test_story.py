@@ -114,7 +114,11 @@ def test_menu_of_a_fold_links_and_renames(visit: Visit) -> None:
 def test_typed_chain_folds_and_names_a_wrong_character(visit: Visit) -> None:
     page = visit("/", view=False)
     page.locator("#type").click()
-    expect(page.locator("#angles")).to_be_focused()
+    expect(page.locator("#angles")).to_have_value("11113333111133331111333")
+    page.locator("#angles").fill("0204")
+    page.locator("#typed").click()
+    expect(page.locator("#drop-message")).to_contain_text("digits: 0132")
+    page.locator("#typed-kind").select_option(label="tetrahedra")
     page.locator("#angles").fill("0 - x +")
     page.locator("#typed").click()
     expect(page.locator("#drop-message")).to_contain_text("Character 5")

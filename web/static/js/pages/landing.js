@@ -124,10 +124,21 @@ const send = (file, { asVoxels = false, isShown = false } = {}) =>
     }
   });
 
-// A typed chain, with one sign for each hinge, is sent as a file.
-const ANGLES = "foldback-angles/1";
+// A typed chain is sent as a file that begins with its kind.
+const kind = get("typed-kind");
 const sendTyped = () =>
-  send(new File([`${ANGLES}\n${get("angles").value}`], "chain.txt", { type: "text/plain" }));
+  send(
+    new File([`${kind.value}${get("angles").value}`], `${kind.selectedOptions[0].textContent}.txt`, {
+      type: "text/plain",
+    }),
+  );
+const explain = () => {
+  const { example, help } = kind.selectedOptions[0].dataset;
+  get("typed-help").textContent = help ?? "";
+  get("angles").value = example ?? "";
+};
+kind.addEventListener("change", explain);
+explain();
 get("type").onclick = () => {
   const open = get("typing").hidden;
   get("typing").hidden = !open;
