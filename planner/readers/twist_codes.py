@@ -1,8 +1,9 @@
 """Codes of Rubik's snakes and snake cubes as text, in the notations of those who collect them.
 
-A text may name its notation: ``digits: 1133…``, or only say that it is a code of a ``snake`` or of a
-``snake-cube``. Names and examples stand in ``EXAMPLES``. Without a name the notation follows from the text if only one fits; otherwise the text is refused, because a
-code that is read in a wrong notation is another figure.
+A text may name its notation, as in ``digits: 1133…``, or only say that it is a code of a ``snake``
+or of a ``snake-cube``. Names and examples stand in ``EXAMPLES``. Without a name of a notation it
+follows from the text if only one fits; otherwise the text is refused, because a code that is read
+in a wrong notation is another figure.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ FAMILY_NAMES: Final[dict[str, tuple[str, ...]]] = {
     "snake": SNAKE_NOTATIONS,
     "snake-cube": CUBE_NOTATIONS,
 }
-"""Names of the notations of snakes and of snake cubes; a text may have the family's name instead."""
+"""Names of the notations of snakes and of snake cubes. A text may have the name of the family."""
 SNAKE_STEP: Final = 12
 """Snakes are sold with 24, 36, 48, 60 or 72 prisms: multiples of this number, from 24 on. A list of
 so many digits has one for the joint between the last prism and the first, which many collections

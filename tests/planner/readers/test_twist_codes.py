@@ -236,6 +236,8 @@ def test_files_with_codes() -> None:
         (BALL.encode(), 24),
         (b"\xef\xbb\xbfDLUR\r\nDLURD", 10),
         (b"wolter: 2L1", 24),
+        (b"snake:Ball", 24),
+        (b"snake:0132", 5),
     ):
         with case(data):
             snake_chain = read(data)
@@ -245,7 +247,10 @@ def test_files_with_codes() -> None:
     assert isinstance(named, Chain)
     assert named.name == "Ball"
     assert read(b"cube: " + WOODEN.encode()) == read_twist_code(WOODEN, "snake-cube")
+    assert read(b"snake-cube:" + WOODEN.encode()) == read_twist_code(WOODEN, "snake-cube")
     with refused("ambiguous-code"):
         read(WOODEN.encode())
+    with refused("bad-code"):
+        read(b"snake:Bull")
     with refused("too-many-cells"):
         read(b"digits: 0000000000", max_cells=10)
