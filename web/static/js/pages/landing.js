@@ -24,6 +24,7 @@ const uploading = later(
   },
   (text) => say(text, "bad"),
 );
+const TYPED = ".txt"; // name of a file that was typed
 const NO_PATH = "repeated-cell"; // a code of the API
 const NO_ANGLES = "module-alone"; // as well
 const owning = later(
@@ -92,17 +93,18 @@ const sendAll = (files) =>
 /** @param {File} file */
 const send = (file, { asVoxels = false, isShown = false } = {}) =>
   uploading(async ({ sending, upload, STOPPED, Refusal, formOf, ownKey }) => {
-    say(`Reading ${file.name}…`);
+    const label = file.name === TYPED ? "the chain" : file.name;
+    say(`Reading ${label}…`);
     offer();
     const form = formOf({ file, full: false, quick: true, as_voxels: asVoxels || null });
     try {
       /** @type {Api.Preview} */
-      const report = await sending.during(file.name, (options) =>
+      const report = await sending.during(label, (options) =>
         upload("/api/shapes/preview", form, { ...options, token: ownKey() }),
       );
       const straight =
         (report.kind === "path" || report.kind === "chain") && report.knot?.verdict !== "knotted";
-      if (straight && !isShown) await start({ preview: report.id }, file.name);
+      if (straight && !isShown) await start({ preview: report.id }, label);
       else {
         const query = new URLSearchParams({
           ...(asVoxels && { as_voxels: "true" }),
@@ -124,13 +126,11 @@ const send = (file, { asVoxels = false, isShown = false } = {}) =>
     }
   });
 
-// A typed chain is sent as a file that begins with its kind.
+// A typed chain is sent as a file that begins with its kind, and takes its name from its content.
 const kind = get("typed-kind");
 const sendTyped = () =>
   send(
-    new File([`${kind.value}${get("angles").value}`], `${kind.selectedOptions[0].textContent}.txt`, {
-      type: "text/plain",
-    }),
+    new File([`${kind.value}${get("angles").value}`], TYPED, { type: "text/plain" }),
   );
 const explain = () => {
   const { example, help } = kind.selectedOptions[0].dataset;
