@@ -204,9 +204,14 @@ class _Fold:
     def _gap(self, centres: Array, rotations: Array, first: int, second: int) -> float:
         """Return the distance of two modules; 0 when they overlap."""
         size = float(self.certificate.get("module_size", 1.0))
-        hull = self.chain.module.vertices * size
-        a, b = (centres[k - 1] + hull @ rotations[k - 1].T for k in (first, second))
-        return _distance(a, b)
+        one, other = (
+            [
+                part.placed(centres[k - 1], rotations[k - 1], size=size)
+                for part in self.chain.module.piece(k - 1).parts
+            ]
+            for k in (first, second)
+        )
+        return min(_distance(p.corners, q.corners) for p in one for q in other)
 
 
 def _distance(a: Array, b: Array) -> float:

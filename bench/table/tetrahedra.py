@@ -388,7 +388,7 @@ def _spec(chain: Chain) -> Any:
     spec.option.gravity = [0.0, 0.0, -1.0]
     for i in range(len(chain)):
         body = spec.body(f"module_{i}")
-        for corner in chain.module.vertices:
+        for corner in chain.module.pieces[0].corners:
             body.add_geom(
                 type=mujoco.mjtGeom.mjGEOM_SPHERE,
                 size=[CORNER_RADIUS_PITCH, 0.0, 0.0],

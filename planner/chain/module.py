@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import combinations
 from typing import Any, Final, Literal, NamedTuple, TypeVar
 
@@ -34,17 +34,7 @@ simulation stops hinges 0.01 rad earlier, as no curve corrects angles beyond a j
 MAX_FREE_TURN_RAD: Final = 1.99 * np.pi
 """Largest recorded angle of a hinge without stops, either way, rad: a little less than the turn up
 to which plans hold angles as whole steps of 32 bits."""
-RELIEF_SAMPLES: Final = 64
-"""Number of points along each side of a module at which its relief is sampled (material that must
-be removed so that linked modules can turn), to compute its volume."""
 IndexT = TypeVar("IndexT", int, Ints)
-
-
-def _largest_projection(along: Array, across: Array, limit: float) -> Array:
-    """Return the largest of along · cos t + across · sin t over all |t| ≤ limit."""
-    bent = along * np.cos(limit) + np.abs(across) * np.sin(limit)
-    within = np.arctan2(np.abs(across), along) <= limit
-    return np.where(within, np.hypot(along, across), bent)
 
 
 @dataclass(frozen=True)
@@ -299,22 +289,7 @@ class Module:
             for normal, _ in part.faces
         )
 
-    # Of modules of one piece with one part.
-
-    @property
-    def vertices(self) -> Array:
-        """(V, 3) corners of the full-size hull, in the module's frame."""
-        return self.pieces[0].corners
-
-    @property
-    def face_normals(self) -> Array:
-        """(A, 3) unit normals of the hull's faces, one of each parallel pair."""
-        return self.pieces[0].parts[0].face_normals
-
-    @property
-    def edge_directions(self) -> Array:
-        """(E, 3) unit directions of the hull's edges, one of each parallel set."""
-        return self.pieces[0].parts[0].edge_directions
+    # Of modules with the same joint in each link.
 
     @cached_property
     def anchor(self) -> Array:
@@ -335,11 +310,6 @@ class Module:
     def offset(self) -> Array:
         """(3,) centre of the next module seen from the joint, in the next module's frame."""
         return self.link(0).offset
-
-    @property
-    def inertia(self) -> Array:
-        """(3,) principal moments of the full-size hull with mass 1, along the frame's axes."""
-        return self.pieces[0].inertia
 
     @property
     def angle_limit_rad(self) -> float:
@@ -383,11 +353,6 @@ class Module:
             for a, b in combinations(axes, 2)
         )
 
-    @property
-    def geom(self) -> Literal["box", "mesh"]:
-        """Shape of the hull in simulations: ``box`` or the convex ``mesh`` of its corners."""
-        return "box" if self.pieces[0].is_box else "mesh"
-
     @cached_property
     def joint(self) -> Joint:
         """The joints as kernels take them: a row for each kind of link."""
@@ -399,8 +364,12 @@ class Module:
     @cached_property
     def moments(self) -> Array:
         """(T, 3) ``inertia`` of the module before each of the rows of ``joint``."""
-        _, first = self._link_kinds
-        return frozen([self.piece(module).inertia for module in first.tolist()])
+        return frozen([self.piece(module).inertia for module in self.joint_holders.tolist()])
+
+    @property
+    def joint_holders(self) -> Ints:
+        """(T,) first module of a chain before each of the rows of ``joint``."""
+        return self._link_kinds[1]
 
     @cached_property
     def _link_kinds(self) -> tuple[Ints, Ints]:
@@ -464,60 +433,6 @@ class Module:
             (j - k, j) for j in range(modules) for k in range(min(self.apart - 1, j), 0, -1)
         )
 
-    def near_face(self, module_size: float) -> float:
-        """Return the distance of the next module's near face from the joint, in pitches.
-
-        Args:
-            module_size: Module size as a fraction of the pitch.
-        """
-        distance = float(np.linalg.norm(self.offset))
-        return distance + module_size * float((self.vertices @ self.offset).min()) / distance
-
-    def relief_radius(self, module_size: float) -> float | None:
-        """Return the largest ``reach`` of the points of a real module, in pitches.
-
-        Points that reach farther would lie in the next module at some angles of the joint. None
-        if linked modules are checked like all others, so that no volume has to be cut away.
-
-        Args:
-            module_size: Module size as a fraction of the pitch.
-        """
-        return self.near_face(module_size) if self.apart > 1 else None
-
-    def relief_share(self, module_size: float) -> float:
-        """Return the fraction of its volume that a real module lacks by ``relief_radius``.
-
-        Args:
-            module_size: Module size as a fraction of the pitch.
-        """
-        return _relief_share(self, float(module_size))
-
-    def reach(self, points: Array) -> Array:
-        """Return the reach of points from the joint over all directions of the next module.
-
-        In front of the joint that is their distance from it, behind it that from the line of the
-        link, and more there by what the joint turns beyond a right angle.
-
-        Args:
-            points: (P, 3) in the module's frame, in pitches.
-
-        Returns:
-            (P,): the largest p · d over all directions d of the joint's range.
-        """
-        if not self.has_universal_joints:
-            raise ValueError(f"got a {self.name}, expected a module with universal joints")
-        # d = R(axis_1, a) R(axis_2, b) n, and the three directions are at right angles.
-        outward = self.turn @ self.offset
-        outward = outward / np.linalg.norm(outward)
-        p = points - self.anchor
-        along, sideways, up = p @ outward, p @ np.cross(self.axes[0], outward), p @ self.axes[0]
-        limit = self.angle_limit_rad
-        farthest = _largest_projection(along, sideways, limit)
-        nearest = -_largest_projection(-along, sideways, limit)
-        return np.maximum(
-            _largest_projection(farthest, up, limit), _largest_projection(nearest, up, limit)
-        )
-
     def joint_names(self, modules: int) -> tuple[str, ...]:
         """Names of the hinge angles, module by module: ``joint_<module>[_<hinge>]``."""
         return tuple(
@@ -525,19 +440,3 @@ class Module:
             for module in range(self.rigid_links, modules - 1)
             for hinge in self.hinge_names
         )
-
-
-@lru_cache(maxsize=64)
-def _relief_share(module: Module, module_size: float) -> float:
-    radius = module.relief_radius(module_size)
-    if radius is None:
-        return 0.0
-    hull = module.vertices * module_size
-    sides = [
-        low + (np.arange(RELIEF_SAMPLES) + 0.5) * (high - low) / RELIEF_SAMPLES
-        for low, high in zip(hull.min(axis=0), hull.max(axis=0), strict=True)
-    ]
-    points = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3)
-    extents = (hull @ module.face_normals.T).max(axis=0)
-    points = points[(np.abs(points @ module.face_normals.T) <= extents).all(axis=1)]
-    return round(float((module.reach(points) > radius).mean()), 3)

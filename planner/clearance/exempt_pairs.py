@@ -15,6 +15,7 @@ import numpy as np
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import Module
+from foldback.planner.clearance.relief import near_faces, relief_radius, relief_share
 from foldback.planner.core import deepest_overlap
 from foldback.planner.core.structures import Link
 from foldback.planner.motion.motion import Motion, as_motion
@@ -47,7 +48,7 @@ class ExemptPairs:
         worst_overlap_at: Place of the deepest overlap; None if nothing overlaps.
         worst_overlap_bound: Upper bound of the overlap over the motion; None without a motion.
         relief_radius: A real module lacks all material that is farther than this from its joint
-            along any direction in which the next module may lie, see ``Module.reach``. None if it
+            along any direction in which the next module may lie, see ``relief.reach``. None if it
             lacks nothing.
         relief_share: Fraction (0…1) of its volume that it lacks.
     """
@@ -96,8 +97,8 @@ def exempt_pairs(
         worst_overlap=depth if motions else None,
         worst_overlap_at=place,
         worst_overlap_bound=bound if motions else None,
-        relief_radius=module.relief_radius(module_size),
-        relief_share=module.relief_share(module_size),
+        relief_radius=relief_radius(module, float(module_size)),
+        relief_share=relief_share(module, float(module_size)),
     )
 
 
@@ -107,5 +108,5 @@ def _link(module: Module, module_size: float) -> Link:
         hull=module.hull,
         size=float(module_size),
         face=module.joint.offset / np.linalg.norm(module.joint.offset, axis=1, keepdims=True),
-        distance=np.full(len(module.joint.offset), module.near_face(module_size)),
+        distance=near_faces(module, module_size),
     )

@@ -12,6 +12,7 @@ import numpy as np
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.corners import lowest_corners
 from foldback.planner.errors import SimulationError
 from foldback.planner.parameters.playback import TablePlaybackParameters
 from foldback.planner.simulation.lazy_mujoco import mujoco
@@ -167,8 +168,10 @@ def _spec(
     names = [f"module_{i}" for i in range(n)]
     body = spec.worldbody.add_body()
     body.name = names[0]
-    # Modules are smaller than a pitch: the table is raised so that flat ones stand as full ones do.
-    top = height + (1.0 - p.geom_size) * module.inner_radius
+    # Modules are smaller than a pitch: the table is raised so that the folded chain stands on it.
+    poses = chain.folded_poses
+    lowest = lowest_corners(module, poses.positions, poses.rotations, module_size=p.geom_size)
+    top = height - chain.table_height + float(lowest.min())
     body.pos = chain.folded_position.tolist()
     body.quat = chain.folded_wxyz.tolist()
     for i in range(n):

@@ -32,7 +32,7 @@ def visible_modules(positions: Array, module: Module, *, target: Array) -> Ints:
     if module.fills_cell:
         # 1 and rounding
         near = KDTree(positions).query_ball_point(positions, 1.02, return_length=True)
-        indices = indices[np.asarray(near) <= len(module.face_normals) * 2]
+        indices = indices[np.asarray(near) <= len(module.pieces[0].parts[0].loops)]
     if len(indices) > MAX_FULLY_DRAWN_MODULES:
         distances = np.linalg.norm(positions[indices] - target, axis=1)
         indices = np.sort(

@@ -62,7 +62,7 @@ def test_motion_bounds_hold_for_all_corners(
     ways = np.linalg.norm(poses.positions - bodies[:, :3], axis=-1).max(axis=0)
     assert (ways <= bodies[:, DISPLACEMENT_BOUND] + 1e-9).all()
     radius = 0.95 * module.radius
-    corners = 0.95 * module.vertices
+    corners = 0.95 * module.pieces[0].corners
     rng = np.random.default_rng(seed)
     relative_row = np.empty(RELATIVE_COLUMNS)
     for i in range(count):

@@ -31,8 +31,11 @@ def prism_document() -> dict[str, Any]:
 
 
 def test_moments_of_the_two_modules_are_exact() -> None:
-    assert (CUBE.volume, CUBE.inertia.tolist()) == (1.0, [1.0 / 6.0] * 3)
-    assert (TETRAHEDRON.volume, TETRAHEDRON.inertia.tolist()) == (2.0 / 3.0, [0.2, 0.15, 0.15])
+    assert (CUBE.volume, CUBE.pieces[0].inertia.tolist()) == (1.0, [1.0 / 6.0] * 3)
+    assert (TETRAHEDRON.volume, TETRAHEDRON.pieces[0].inertia.tolist()) == (
+        2.0 / 3.0,
+        [0.2, 0.15, 0.15],
+    )
 
 
 def test_frame_of_a_piece_lies_at_its_centre_along_its_principal_axes() -> None:

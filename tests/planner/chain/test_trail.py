@@ -97,7 +97,7 @@ def test_folded_chain_fills_the_tetrahedra_of_its_trail() -> None:
             np.testing.assert_allclose(np.abs(np.rad2deg(chain.folded_rad)) % 90.0, 0.0, atol=1e-12)
             pair_corners = {tuple(sorted(map(tuple, corners(pair).tolist()))) for pair in pairs}
             poses = chain.folded_poses
-            turned = np.einsum("nij,vj->nvi", poses.rotations, chain.module.vertices)
+            turned = np.einsum("nij,vj->nvi", poses.rotations, chain.module.pieces[0].corners)
             modules = np.rint(poses.positions[:, None, :] + turned) + 0.0
             assert {
                 tuple(sorted(map(tuple, module))) for module in modules.tolist()

@@ -63,7 +63,7 @@ def test_step_limit_bounds_the_speed_of_all_surface_points() -> None:
         # Corners of each relative to the other's centre, in a frame that rotates at their mean
         # rate.
         for i, j in [*pairs.tolist(), *pairs[:, ::-1].tolist()]:
-            corners = chain.module.vertices @ segments.rotations[j].T
+            corners = chain.module.pieces[0].corners @ segments.rotations[j].T
             places = segments.positions[j] + corners
             speeds = segments.velocities[j] + np.cross(segments.spins[j], corners)
             turning = 0.5 * (segments.spins[i] + segments.spins[j])

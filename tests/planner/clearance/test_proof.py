@@ -32,8 +32,8 @@ _RNG = np.random.default_rng(0)
 _PIECE = TETRAHEDRON.pieces[0]
 _PART = replace(
     _PIECE.parts[0],
-    face_normals=_unit(TETRAHEDRON.face_normals + _RNG.normal(0.0, 0.01, (4, 3))),
-    edge_directions=_unit(TETRAHEDRON.edge_directions + _RNG.normal(0.0, 0.01, (6, 3))),
+    face_normals=_unit(_PIECE.parts[0].face_normals + _RNG.normal(0.0, 0.01, (4, 3))),
+    edge_directions=_unit(_PIECE.parts[0].edge_directions + _RNG.normal(0.0, 0.01, (6, 3))),
 )
 SKEWED = replace(TETRAHEDRON, pieces=(replace(_PIECE, parts=(_PART,)),))
 """Tetrahedra with slightly rotated candidate axes. Linked tetrahedra are mirror images: two axes

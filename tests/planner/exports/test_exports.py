@@ -314,7 +314,7 @@ def test_mcap_holds_the_fold_as_ros_messages(plan: Plan) -> None:
         rotation = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix()
         link = transform_of(rotation, [place.x, place.y, place.z])
         np.testing.assert_allclose(link, root_of(plan, k), atol=1e-12)
-    if chain.module.geom == "box":
+    if all(part.box is not None for piece in chain.module.pieces for part in piece.parts):
         (description,) = messages["/robot_description"]
         assert description.data.encode() == exported("urdf", plan)
     else:

@@ -58,7 +58,7 @@ def test_tilted_face_touches_with_its_lower_edge() -> None:
 
 def test_corner_on_a_face_is_one_contact() -> None:
     turn = turned("y", np.arctan(np.sqrt(0.5))) @ turned("x", np.pi / 4)
-    depth = (turn @ CUBE.vertices.T)[2].min()
+    depth = (turn @ CUBE.pieces[0].corners.T)[2].min()
     found_contacts = two((0.1, 0.1, 0.5 - depth + 0.01), turn)
     assert len(found_contacts) == 1
     assert found_contacts[0, 6] == pytest.approx(0.01)

@@ -129,7 +129,7 @@ def test_friction_holds_a_chain_that_leans_outwards() -> None:
     if (poses.positions @ turn.T)[2, 2] < (poses.positions @ turn.T)[0, 2]:
         turn = turn.T
     positions, rotations = poses.positions @ turn.T, turn @ poses.rotations
-    corners = chain.module.vertices @ np.swapaxes(rotations, 1, 2) + positions[:, None]
+    corners = chain.module.pieces[0].corners @ np.swapaxes(rotations, 1, 2) + positions[:, None]
     positions = positions - [0.0, 0.0, corners[..., 2].min()]
     smooth = Balance(chain, floor_gap=1.0).solve(positions, rotations, angles)
     rough = Balance(chain, floor_gap=1.0).solve(

@@ -32,7 +32,7 @@ def test_resting_poses_stand_on_the_floor_and_balance(seed: int) -> None:
     assert resting
     for pose in resting:
         laid, turned = pose.of(positions, rotations)
-        corners = chain.module.vertices @ np.swapaxes(turned, 1, 2) + laid[:, None]
+        corners = chain.module.pieces[0].corners @ np.swapaxes(turned, 1, 2) + laid[:, None]
         assert corners[..., 2].min() == pytest.approx(0.0, abs=1e-9)
         assert np.allclose(turned @ np.swapaxes(turned, 1, 2), np.eye(3))
         assert np.linalg.norm(laid - laid[0]) == pytest.approx(

@@ -130,7 +130,7 @@ def interpolate(q: Array, count: int) -> Array:
 
 def min_distance(chain: Chain, q: Array) -> float:
     """Return the exact distance of the closest modules that are not exempt, over sampled frames."""
-    corners, least_separation = chain.module.vertices * SIZE, 9.0
+    corners, least_separation = chain.module.pieces[0].corners * SIZE, 9.0
     for angles in q:
         poses = chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
         hulls = poses.positions[:, None] + corners @ poses.rotations.swapaxes(1, 2)
