@@ -38,14 +38,16 @@ def relief_radius(module: Module, module_size: float) -> float | None:
     """Return the largest ``reach`` of the points of a real module, in pitches.
 
     Points that reach farther would lie in the next module at some angles of the joint. None if
-    linked modules are checked like all others, so that no volume has to be cut away, or if the next
-    module surrounds the joint, so that nothing else could remain.
+    linked modules are checked like all others, so that no volume has to be cut away, if the next
+    module surrounds the joint, so that nothing else could remain, or if two hinges are not at right
+    angles to the link.
 
     Args:
         module: The kind of module.
         module_size: Module size as a fraction of the pitch.
     """
-    if module.apart < 2 or not (module.has_universal_joints or module.hinges_per_joint == 1):
+    is_universal = any(piece.joint_kind == "universal" for piece in module.pieces)
+    if module.apart < 2 or (is_universal and not module.has_universal_joints):
         return None
     nearest = float(near_faces(module, module_size).min())
     return nearest if nearest > 0.0 else None
