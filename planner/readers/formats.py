@@ -168,7 +168,7 @@ def _read_twist_code(text: str, source: Source) -> Chain | CubeSequence:
     code = read_twist_code(text, max_modules=source.max_cells)
     if isinstance(code, CubeSequence):
         return code
-    name = source.name or next(iter(names_of(code)), "snake")
+    name = next(iter(names_of(code)), source.name or "snake")
     return snake_chain(code, name=name)
 
 

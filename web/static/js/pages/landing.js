@@ -24,7 +24,7 @@ const uploading = later(
   },
   (text) => say(text, "bad"),
 );
-const TYPED = ".txt"; // name of a file that was typed
+const TYPED = "snake.txt"; // name of a file that was typed
 const NO_PATH = "repeated-cell"; // a code of the API
 const NO_ANGLES = "module-alone"; // as well
 const owning = later(
