@@ -92,7 +92,7 @@ def show(summary: dict[str, Any], out: Path) -> None:
     row("Written to", str(out))
     console.print(table)
     chain = json_of(result_path(out, CHAIN))
-    limit = module_of(chain.get("module", summary["module"])).angle_limit_rad
+    limit = module_of(chain.get("module", summary["module"])).largest_angle_rad
     for note in (
         certificate_words.linked(certificate),
         certificate_words.record(certificate, limit_rad=limit),

@@ -177,7 +177,7 @@ class _Fold:
 
     def certificate_rows(self) -> Rows:
         certificate = self.certificate
-        limit_rad = self.module.angle_limit_rad
+        limit_rad = self.module.largest_angle_rad
         return [
             *certificate_words.further_rows(certificate),
             (certificate_words.label_of("exempt_pairs"), certificate_words.linked(certificate)),

@@ -291,31 +291,6 @@ class Module:
 
     # Of modules with the same joint in each link.
 
-    @cached_property
-    def anchor(self) -> Array:
-        """(3,) centre of the outgoing joint in this module's frame."""
-        return self.link(0).anchor
-
-    @cached_property
-    def axes(self) -> Array:
-        """(K, 3) hinge axes of the joint, outermost (nearest this module) first."""
-        return self.link(0).axes
-
-    @cached_property
-    def turn(self) -> Array:
-        """(3, 3) fixed rotation from the joint's frame to the next module's frame."""
-        return self.link(0).turn
-
-    @cached_property
-    def offset(self) -> Array:
-        """(3,) centre of the next module seen from the joint, in the next module's frame."""
-        return self.link(0).offset
-
-    @property
-    def angle_limit_rad(self) -> float:
-        """Maximum angle of each hinge, either way."""
-        return float(np.abs(self.ranges_rad).max())
-
     @property
     def fills_cell(self) -> bool:
         """True if a folded module fills one cell of the cubic lattice."""
@@ -328,15 +303,16 @@ class Module:
         Such a module fills a cell. The joint at its centre turns a quarter about z, then about y.
         """
         quarter = np.pi / 2
+        anchor, axes, turn, offset = self.link(0)
         return (
             self.fills_cell
             and len(self.pieces) == 1
             and self.rigid_links == 1
             and self.has_universal_joints
-            and not self.anchor.any()
-            and np.array_equal(self.axes, np.eye(3)[[2, 1]])
-            and np.array_equal(self.turn, np.eye(3))
-            and np.array_equal(self.offset, np.eye(3)[0])
+            and not anchor.any()
+            and np.array_equal(axes, np.eye(3)[[2, 1]])
+            and np.array_equal(turn, np.eye(3))
+            and np.array_equal(offset, np.eye(3)[0])
             and bool((np.abs(self.ranges_rad) >= quarter).all())
         )
 

@@ -69,9 +69,9 @@ def test_pattern_says_which_piece_a_module_is() -> None:
 def test_rest_shape_is_the_angle_zero() -> None:
     prism = module_named("snake-prism")
     rest = [90.0, 0.0, -90.0]
-    resting = with_pattern(prism, ["prism"] * 3, rest)
+    resting, link = with_pattern(prism, ["prism"] * 3, rest), prism.link(0)
     for k, angle in enumerate(np.deg2rad(rest)):
-        turned = axis_rotation(prism.axes[0], angle) @ prism.turn
+        turned = axis_rotation(link.axes[0], angle) @ link.turn
         np.testing.assert_allclose(resting.link(k).turn, turned, atol=1e-15)
 
 

@@ -26,10 +26,10 @@ def test_relieved_cubes_do_not_overlap_anywhere_in_the_joint_range() -> None:
     radius = relief_radius(CUBE, size)
     assert radius is not None
     points = points[reach(CUBE, points) <= radius]
-    angles = np.linspace(-CUBE.angle_limit_rad, CUBE.angle_limit_rad, 33)
+    angles = np.linspace(-CUBE.largest_angle_rad, CUBE.largest_angle_rad, 33)
     z, y = (values.ravel() for values in np.meshgrid(angles, angles))
     for rotation in Rotation.from_euler("ZY", np.stack([z, y], axis=-1)).as_matrix():
-        seen_points = points @ rotation - CUBE.offset  # the next cube has no relief
+        seen_points = points @ rotation - CUBE.joint.offset[0]  # the next cube has no relief
         assert not (np.abs(seen_points) < 0.5 * size - 1e-9).all(axis=1).any()
 
 

@@ -75,7 +75,7 @@ def test_margins_that_are_too_large_are_not_proved(folding: Folding) -> None:
 def _allowance(module: Module, x: Array, pair: tuple[int, int], errors: Tolerance) -> float:
     """Return the allowance of lemmas 11 and 12, computed in NumPy."""
     (i, j), (one_error, each_error, kappa, spare) = pair, errors
-    arm = module.radius * SIZE + float(np.linalg.norm(module.anchor))
+    arm = module.radius * SIZE + float(np.linalg.norm(module.joint.anchor[0]))
     from_i, from_j = (np.linalg.norm(x[i:j] - x[k], axis=1) + arm for k in (i, j))
     lever = np.repeat(from_j, module.hinges_per_joint)
     moved = each_error * lever.sum() / (1.0 - each_error * len(lever))

@@ -37,7 +37,7 @@ def test_allowance_of_windows_is_that_of_the_derivation(
     n = len(chain)
     # From one frame to the next, a window of 159 joints moves by one joint.
     windows = windows_of(chain, [5000, 5002], [np.zeros(2 * 159)] * 2)
-    angle = (10.0 * CUBE.angle_limit_rad + 8.0) * U
+    angle = (10.0 * CUBE.largest_angle_rad + 8.0) * U
     e = 2.0 * np.sqrt(2.0) * (2.0 * angle + 3.0 * U)
     extent = 1.0 + float(np.hypot(rows - 1, columns - 1))
     thickness = 2.0 * CUBE.radius * SIZE

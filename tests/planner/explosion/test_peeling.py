@@ -46,7 +46,7 @@ def test_core_stays_in_place_until_it_is_released() -> None:
     chain, record = snake()
     frames = record.frames
     assert record.summary()["frames"] == len(frames) < 5 * len(chain)
-    assert np.abs(frames.angles_rad).max() <= np.float32(chain.module.angle_limit_rad)
+    assert np.abs(frames.angles_rad).max() <= np.float32(chain.module.largest_angle_rad)
     assert (np.diff(frames.first) <= 0).all()
     assert frames.first[0] > 250 and frames.first[-1] == 0
     np.testing.assert_array_equal(

@@ -224,7 +224,7 @@ def test_urdf_links_have_the_mass_and_inertia_of_solid_modules(plan: Plan) -> No
         np.testing.assert_allclose(moments, expected)
     assert sum(masses) == pytest.approx(sum(hulls[i % len(hulls)].mass for i in range(len(chain))))
     limits = [float(e.attrib["upper"]) for e in urdf.iter("limit")]
-    np.testing.assert_allclose(limits, [chain.module.angle_limit_rad] * len(chain.joint_names))
+    np.testing.assert_allclose(limits, [chain.module.largest_angle_rad] * len(chain.joint_names))
 
 
 def test_urdf_of_small_modules_loads_in_mujoco(plan: Plan) -> None:

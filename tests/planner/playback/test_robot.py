@@ -110,8 +110,8 @@ def targets_towards(goal: Array) -> ServoTargets:
     return ServoTargets(angles, np.gradient(angles, 0.08, axis=0), np.zeros_like(angles))
 
 
-BENT_TETRAHEDRA = unvalidated(TETRAHEDRON, np.full(6, 1.02 * TETRAHEDRON.angle_limit_rad))
-BENT_CUBES = unvalidated(CUBE, np.full(12, 1.02 * CUBE.angle_limit_rad))
+BENT_TETRAHEDRA = unvalidated(TETRAHEDRON, np.full(6, 1.02 * TETRAHEDRON.largest_angle_rad))
+BENT_CUBES = unvalidated(CUBE, np.full(12, 1.02 * CUBE.largest_angle_rad))
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ def test_smoothed_motion_is_shorter_and_as_clear_in_even_steps(folded: Folded) -
     assert length(chain, after) < 0.85 * length(chain, before)
     assert travel(after) < 0.9 * travel(before)
     assert len(after) < len(before)
-    assert np.abs(after).max() <= max(np.abs(before).max(), chain.module.angle_limit_rad)
+    assert np.abs(after).max() <= max(np.abs(before).max(), chain.module.largest_angle_rad)
 
 
 def test_detour_is_removed() -> None:

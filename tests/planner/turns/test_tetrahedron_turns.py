@@ -33,7 +33,7 @@ def seen_from(chain: Chain, hinge: int) -> tuple[Ints, Array]:
     """Return cells, and orientations, seen from a hinge that runs along the first axis."""
     poses = chain.folded_poses
     frame = poses.rotations[hinge] @ np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
-    node = poses.positions[hinge] + poses.rotations[hinge] @ TETRAHEDRON.anchor
+    node = poses.positions[hinge] + poses.rotations[hinge] @ TETRAHEDRON.joint.anchor[0]
     cells = np.rint(2.0 * (poses.positions - node) @ frame).astype(np.int64)
     return cells, frame.T @ poses.rotations
 

@@ -117,7 +117,7 @@ def test_new_plan_states_its_checksum(folded: Folded, tmp_path: FilePath) -> Non
 def random_motion(random: np.random.Generator, kind: Any, modules: int) -> Array:
     """Return angles from straight on, in a few large steps; the chain may pass through itself."""
     hinges = (modules - 1 - kind.rigid_links) * kind.hinges_per_joint
-    limit = kind.angle_limit_rad
+    limit = kind.largest_angle_rad
     scale = random.choice([0.2, 0.6, 1.0])
     steps = random.uniform(-scale, scale, (4, hinges)) * (random.random((4, hinges)) < 0.6)
     return np.clip(np.vstack([np.zeros(hinges), steps.cumsum(axis=0)]), -limit, limit)
