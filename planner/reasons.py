@@ -366,7 +366,7 @@ TEXTS: Final = {
         "and the next{at}"
     ),
     ReasonCode.JOINT_BEYOND_RANGE: (
-        "the {motion} bends {joint} to {angle}, beyond its range of ±{limit}{at}"
+        "the {motion} bends {joint} to {angle}, beyond its range, which ends at {limit}{at}"
     ),
     ReasonCode.PLAN_END: "the plan does not end in the folded shape",
     ReasonCode.PLAYBACK_END: (

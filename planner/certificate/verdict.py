@@ -18,6 +18,9 @@ from foldback.planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD
 from foldback.planner.reasons import Reason, ReasonValues
 from foldback.planner.reasons import ReasonCode as Code
 
+MAX_STOP_GIVE_RAD: Final = 1e-4
+"""Maximum angle, rad, by which a simulated joint may be beyond the end of its range: where a shape
+is folded up to there, the joint's stop holds it, and gives a little."""
 MAX_VERIFIED_ERROR_PITCH: Final = 0.01
 """Maximum RMS position error of the modules, in pitches, at the end of a simulated playback that is
 certified as verified."""
@@ -65,7 +68,8 @@ def find_reason(
     if figures["plan_end_error_rad"] > MAX_ANGLE_DIFFERENCE_RAD:
         return Reason.of(Code.PLAN_END)
     for (motion, _), frames in zip(swept, followed(playback), strict=False):
-        if beyond := _beyond_range(chain, motion, frames):
+        give = MAX_ANGLE_DIFFERENCE_RAD if motion.get("motion") == "plan" else MAX_STOP_GIVE_RAD
+        if beyond := _beyond_range(chain, motion, frames, give):
             return beyond
     if playback.simulated and figures["rms_position_error"] > MAX_VERIFIED_ERROR_PITCH:
         return Reason.of(Code.PLAYBACK_END, error=figures["rms_position_error"])
@@ -99,13 +103,13 @@ def _unproved(motion: ReasonValues, sweep: Sweep) -> Reason:
     return Reason.of(Code.CLEARANCE_UNPROVED, motion, frame=float(sweep.unbounded))
 
 
-def _beyond_range(chain: Chain, motion: ReasonValues, frames: Motion) -> Reason | None:
-    """Return the joint that a motion bends beyond its range; None if there is none."""
+def _beyond_range(chain: Chain, motion: ReasonValues, frames: Motion, give: float) -> Reason | None:
+    """Return the joint that a motion bends farther beyond its range than stops give, in rad."""
     low, high = chain.stops_rad().T
     angles = frames.angles_rad
     if not angles.size or (angles.min() >= low.max() and angles.max() <= high.min()):
         return None
-    worst, frame, hinge = MAX_ANGLE_DIFFERENCE_RAD, -1, -1
+    worst, frame, hinge = give, -1, -1
     for k, (first, begin) in enumerate(zip(frames.first, frames.offsets[:-1], strict=True)):
         row = angles[begin : frames.offsets[k + 1]]
         hinges = slice(first, first + len(row))

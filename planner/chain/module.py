@@ -289,8 +289,6 @@ class Module:
             for normal, _ in part.faces
         )
 
-    # Of modules with the same joint in each link.
-
     @property
     def fills_cell(self) -> bool:
         """True if a folded module fills one cell of the cubic lattice."""
