@@ -5,7 +5,7 @@ from __future__ import annotations
 from foldback.planner.errors import InputError
 from foldback.planner.plan.plan import Plan
 from foldback.planner.twist_chains.cube_sequence import NOTATIONS as CUBE_NOTATIONS
-from foldback.planner.twist_chains.figures import names_of
+from foldback.planner.twist_chains.figures import cube_names_of, names_of
 from foldback.planner.twist_chains.folded_chains import (
     cube_sequence_of,
     quarters_of,
@@ -34,6 +34,8 @@ def write(plan: Plan) -> bytes:
         )
     lines = {name: sequence.text(name) for name in CUBE_NOTATIONS}
     lines["pieces"] = str(len(sequence))
+    if names := cube_names_of(sequence):
+        lines["known as"] = ", ".join(names)
     if (quarters := quarters_of(plan.chain)) is not None:
         lines["quarter turns from the zigzag"] = " ".join(map(str, quarters % 4))
     return _text(lines)

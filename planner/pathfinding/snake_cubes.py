@@ -19,6 +19,7 @@ from foldback.planner.errors import InputError
 from foldback.planner.pathfinding.lattice import colours, neighbours
 from foldback.planner.progress import Cancelled, never
 from foldback.planner.twist_chains.cube_sequence import CubeSequence
+from foldback.planner.twist_chains.figures import cube_names_of
 from foldback.planner.twist_chains.folded_chains import cube_chain
 
 MAX_PIECES: Final = 1000
@@ -211,7 +212,8 @@ def box_chains(sequence: CubeSequence, *, seed: int = 0) -> tuple[Chain, ...]:
         )
         steps -= search.steps
         if len(search.paths):
-            name = f"Snake cube {' × '.join(map(str, sides))}"
+            box_name = f"Snake cube {' × '.join(map(str, sides))}"
+            name = next(iter(cube_names_of(sequence)), box_name)
             return tuple(cube_chain(path, name=name) for path in search.paths[:, 0])
         is_complete &= search.is_complete
     if is_complete:

@@ -110,6 +110,14 @@ def names_of(code: SnakeCode) -> tuple[str, ...]:
     return tuple(figure.name for figure in snake_figures() if figure.code in same)
 
 
+def cube_names_of(sequence: CubeSequence) -> tuple[str, ...]:
+    """Return names of a snake cube, read from either end."""
+    same = (sequence, sequence.from_other_end())
+    return tuple(
+        name for puzzle in known_snake_cubes() if puzzle.sequence in same for name in puzzle.names
+    )
+
+
 def nearest_names(name: str) -> tuple[str, ...]:
     """Return up to four names of figures and snake cubes that are similar to a name."""
     known = [f.name for f in snake_figures()] + [n for c in known_snake_cubes() for n in c.names]

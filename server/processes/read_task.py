@@ -26,6 +26,7 @@ from foldback.planner.shapes.solid import Solid
 from foldback.planner.storage.file_names import START_PLAN
 from foldback.planner.storage.files import write_sealed_json
 from foldback.planner.twist_chains.cube_sequence import CubeSequence
+from foldback.planner.twist_chains.figures import cube_names_of
 from foldback.planner.twist_chains.folded_chains import cube_module
 from foldback.server.processes.scratch import READ_CONTENT, request_in
 
@@ -52,7 +53,7 @@ def check(directory: Path) -> dict[str, Any]:
         module, modules = cube_module(contents), len(contents)  # solved when it is folded
         if begins is not None:
             check_fits(begins, module, modules)
-        return _described("Snake cube", module, modules)
+        return _described(next(iter(cube_names_of(contents)), "Snake cube"), module, modules)
     if isinstance(contents, CellPath) and request.kind.follows_paths:
         contents = Chain.from_path(contents)
     if isinstance(contents, Chain):

@@ -44,6 +44,8 @@ def record_calls() -> dict[str, tuple[Any, ...]]:
     read = import_module("foldback.planner.readers").read
     for shape in FOLDED:
         fold(read((SHAPES / f"{shape}.json").read_bytes()))
+    find_sequence = import_module("foldback.planner.pathfinding.snake_cubes").find_sequence
+    find_sequence(np.argwhere(np.ones((2, 2, 3))), 6)
     for name, function in real.items():
         setattr(core, name, function)
     return calls

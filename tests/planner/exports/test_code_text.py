@@ -46,6 +46,7 @@ def test_code_of_a_snake_cube(folded: Folded) -> None:
     lines = lines_of(folded.plan, chain)
     for name in EXAMPLES.keys() & lines.keys():
         assert read_twist_code(f"{name}: {lines[name]}") == sequence
+    assert lines["known as"] == "Kev's Kubes"
     assert len(lines["quarter turns from the zigzag"].split()) == 26
 
 

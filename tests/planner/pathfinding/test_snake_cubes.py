@@ -10,6 +10,9 @@ from foldback.planner.arrays import Ints
 from foldback.planner.pathfinding.snake_cubes import (
     MAX_PIECES,
     box_cells,
+    box_chains,
+    boxes_of,
+    default_max_steps,
     find_common_sequence,
     find_sequence,
     fold_sequence,
@@ -153,3 +156,18 @@ def test_solids_that_no_path_fills() -> None:
         fold_sequence(sequence_of_legs((2, 2)), box_cells((3, 3, 3)))
     with refused("too-many-cells"):
         find_sequence(box_cells((MAX_PIECES + 1, 1, 1)))
+
+
+def test_chains_of_sequences_lie_in_the_box_closest_to_a_cube() -> None:
+    puzzle = known_snake_cubes()[1]
+    chains = box_chains(puzzle.sequence.from_other_end())
+    assert len(chains) == puzzle.solutions
+    for chain in chains:
+        assert chain.name == puzzle.names[0]
+        cells = np.rint(chain.folded_poses.positions).astype(int)
+        assert sorted(cells.tolist()) == box_cells((3, 3, 3)).tolist()
+    assert boxes_of(36)[:2] == ((3, 3, 4), (2, 3, 6))
+    assert box_chains(sequence_of_legs((2, 1, 2)))[0].name == "Snake cube 1 × 2 × 3"
+    with refused("no-folding", match="all ways were tried"):
+        box_chains(sequence_of_legs((2, 2, 1, 1, 1)))
+    assert default_max_steps(640) * 10 == default_max_steps(27)
