@@ -15,6 +15,7 @@ from foldback.planner.certificate.figures import (
     verdict_text,
 )
 from foldback.planner.certificate.table_figures import TableCertificate
+from foldback.planner.chain.module import DEFAULT_MODULE_SIZE
 from foldback.planner.motion.record import TableRecord
 from foldback.planner.parameters.parameters import BASELINE
 from foldback.planner.reasons import Reader
@@ -85,14 +86,21 @@ def headline(certificate: CertificateFigures, reader: Reader = PEOPLE) -> str:
 
 
 def clearance(certificate: CertificateFigures) -> str | None:
-    """Return the proved clearance in % of the spacing; None if nothing is proved."""
+    """Return the proved clearance in % of the spacing; None if nothing is proved.
+
+    It names the size of the modules unless that is the default one.
+    """
     bound = certificate.get("clearance_bound")
     if bound is None or _seen(certificate) is None:
         return None
     percent = rounded_down(100.0 * bound, 1)
     if bound < 0.0:
         return f"modules overlap by at most {percent.removeprefix('-')} % of the spacing"
-    return f"modules stay at least {percent} % of the spacing apart"
+    size = certificate.get("module_size") or DEFAULT_MODULE_SIZE
+    if size == DEFAULT_MODULE_SIZE:
+        return f"modules stay at least {percent} % of the spacing apart"
+    filled = rounded_down(100.0 * size, 1).removesuffix(".0")
+    return f"modules that fill {filled} % of the spacing stay at least {percent} % of it apart"
 
 
 def rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:

@@ -49,6 +49,10 @@ def test_headline_has_the_proved_clearance_rounded_down() -> None:
     )
     tight = SIMULATED | {"clearance_bound": 0.000019, "min_clearance_playback": 0.00029}
     assert headline(tight).endswith("stay at least 0.0019 % of the spacing apart")
+    smaller = {**tight, "module_size": 0.8}
+    assert headline(smaller).endswith(
+        "modules that fill 80 % of the spacing stay at least 0.0019 % of it apart"
+    )
     failed = SIMULATED | {"verified": False, "reason": {"code": "cancelled", "values": {}}}
     assert headline(failed) == "failed: the check was cancelled"
 
