@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -27,6 +27,9 @@ KEY_PERCENTS: Final = (0, 25, 50, 75, 100)
 """Moments of the plan, in percent of its duration, that an MJCF model offers as keyframes named
 ``at_0`` to ``at_100``."""
 _NUMBERED_BODY: Final = re.compile(r'(<body name|\bbody[12])="((?:module|ghost)_\d+)"')
+
+_PLACED: Final = re.compile(r'<(?P<kind>body|joint) name="(?P<name>[^"]+)"[^>]*>')
+_POSE: Final = re.compile(r' (pos|quat|axis)="([^"]*)"')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -93,10 +96,35 @@ def mjcf(chain: Chain, *, module_size: float, keys: Sequence[Key] = ()) -> str:
     else:
         exempt = chain.module.exempt_pairs(len(chain))
         spec = tree_spec(chain, Material(geom_size=module_size), exempt=exempt)
-        text = str(spec.to_xml()).rstrip()
+        text = _with_all_digits(str(spec.to_xml()).rstrip(), spec)
     lines = "".join(_key(chain, key) for key in (*_ends(chain), *keys))
     end = "</mujoco>"
     return f"{named_bodies(text).removesuffix(end)}  <keyframe>\n{lines}  </keyframe>\n{end}\n"
+
+
+def _with_all_digits(text: str, spec: Any) -> str:
+    """Return a model with all digits of the poses of bodies, and of centres and axes of joints.
+
+    MuJoCo's own writer keeps six digits; where that loses nothing, they stay. MuJoCo normalises
+    quaternions and axes when it reads them.
+    """
+
+    def element(match: re.Match[str]) -> str:
+        kind, name = match["kind"], match["name"]
+        values = getattr(spec, kind)(name)
+
+        def attribute(found: re.Match[str]) -> str:
+            exact = np.array(getattr(values, found[1]), dtype=np.float64)
+            short = np.array(found[2].split(), dtype=np.float64)
+            if found[1] != "pos":
+                exact, short = exact / np.linalg.norm(exact), short / np.linalg.norm(short)
+            if np.abs(exact - short).max() < 1e-15:
+                return found[0]
+            return f' {found[1]}="{" ".join(map(repr, exact.tolist()))}"'
+
+        return _POSE.sub(attribute, match[0])
+
+    return _PLACED.sub(element, text)
 
 
 def named_bodies(text: str) -> str:

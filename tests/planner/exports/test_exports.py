@@ -130,8 +130,6 @@ def test_mjcf_keys_are_frames_of_the_plan(plan: Plan) -> None:
     middle, wxyz = folded.positions.mean(axis=0), folded.wxyzs[chain.root]
     expected = {"straight": chain.poses(np.zeros_like(chain.folded_rad), middle, wxyz)}
     expected["folded"] = folded
-    # The axes of brackets run in all directions, and the text has few digits of them.
-    rounding = 1e-5 if chain.module.name == BRACKETS.name else 1e-9
     names = [model.key(k).name for k in range(model.nkey)]
     assert names == [*expected, *(f"at_{percent}" for percent in KEY_PERCENTS)]
     ends = {"at_0": 0, "at_100": len(plan.time_s) - 1}
@@ -144,9 +142,9 @@ def test_mjcf_keys_are_frames_of_the_plan(plan: Plan) -> None:
             assert ends.get(name, frame) == frame
         poses = expected[name] if name in expected else poses_of(plan, frame)
         sites = [data.site(f"module_{i}") for i in range(len(chain))]
-        np.testing.assert_allclose([site.xpos for site in sites], poses.positions, atol=rounding)
+        np.testing.assert_allclose([site.xpos for site in sites], poses.positions, atol=1e-9)
         turns = [site.xmat.reshape(3, 3) for site in sites]
-        np.testing.assert_allclose(turns, poses.rotations, atol=rounding)
+        np.testing.assert_allclose(turns, poses.rotations, atol=1e-9)
         assert data.ncon == 0
     # Drake would confuse body names that differ by an appended digit with names of joints.
     bodies = {model.body(k).name for k in range(model.nbody)}
