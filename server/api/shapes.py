@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import threading
 from collections.abc import AsyncGenerator, Mapping
 from contextlib import asynccontextmanager
@@ -14,6 +15,7 @@ from fastapi import APIRouter, Depends, Form, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response
 
+from foldback.planner.chain.module_file import module_schema
 from foldback.planner.parameters.option import options_of
 from foldback.planner.pipeline.request import FoldRequest, PreviewRequest
 from foldback.server.context import Context, Here
@@ -224,6 +226,16 @@ async def asking(request: Request, context: Context) -> AsyncGenerator[Asker]:
         yield Asker(visitor=context.visitor(request), has_disconnected=disconnected.is_set)
     finally:
         watching.cancel()
+
+
+@router.get(
+    "/module.schema.json",
+    summary="Get the JSON schema of module files",
+    responses={200: {"description": "A JSON schema"}},
+)
+def get_module_schema() -> Response:
+    """Return the schema of `foldback-module/1` files, which describe modules of your own."""
+    return Response(json.dumps(module_schema()), media_type="application/schema+json")
 
 
 @router.get(

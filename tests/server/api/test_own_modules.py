@@ -1,10 +1,12 @@
 """Chains with a module of their own over HTTP."""
 
 import json
+import re
 from typing import Any
 
 import numpy as np
 
+from foldback.planner.chain.module_file import module_schema
 from foldback.planner.plan.plan import Plan
 from tests.planner.chain.test_module_checks import RANGE, changed, document
 from tests.server.service_process import Service
@@ -29,6 +31,12 @@ def test_chain_with_its_own_module_is_previewed_and_folded(service: Service) -> 
     plan = Plan.load(service.data_dir / "folds" / fold["id"] / "plan.npz")
     assert plan.chain.module.document == document()
     np.testing.assert_allclose(np.rad2deg(plan.chain.folded_rad), [30, 0, 30, 0])
+
+
+def test_schema_of_module_files_is_published(service: Service) -> None:
+    page = service.http.get("/").text
+    (address,) = re.findall(r'href="([^"]+module\.schema\.json)"', page)
+    assert service.http.get(address).json() == json.loads(json.dumps(module_schema()))
 
 
 def test_module_file_is_checked_over_http(service: Service) -> None:
