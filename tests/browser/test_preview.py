@@ -50,7 +50,7 @@ def test_mesh_is_previewed_changed_and_folded(visit: Visit, service: Service, vi
     preview_file(page, "brick.stl", stl())
     expect(page.locator("#name")).to_have_text("brick")
     expect(page.locator("#verdict")).to_have_text(
-        re.compile(r"\d+ modules · \d+\s% like your file")
+        re.compile(r"\d+ cubes · \d+\s% like your file")
     )
     page.locator(".more > summary").click()
     expect(page.locator("#preset")).to_be_visible()
@@ -128,7 +128,7 @@ def test_first_result_is_shown_until_the_final_one_is_there(visit: Visit, servic
     page.route("**/api/shapes/preview", hold)
     choose(page, "corner.stl", CORNER)
     expect(page.locator("#verdict")).to_have_text(re.compile("improving…$"))
-    expect(page.locator("#fold")).to_have_text(re.compile(r"^Fold about \d+ modules$"))
+    expect(page.locator("#fold")).to_have_text(re.compile(r"^Fold about \d+ cubes$"))
     expect(page.locator("#fold")).to_be_enabled()
     wait_until(page, lambda: bool(routes))
     first = page.locator("#drawing").get_attribute("src")
