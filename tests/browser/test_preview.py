@@ -49,9 +49,7 @@ def test_mesh_is_previewed_changed_and_folded(visit: Visit, service: Service, vi
     page = visit("/", width=760, height=420, view=view)
     preview_file(page, "brick.stl", stl())
     expect(page.locator("#name")).to_have_text("brick")
-    expect(page.locator("#verdict")).to_have_text(
-        re.compile(r"\d+ cubes · \d+\s% like your file")
-    )
+    expect(page.locator("#verdict")).to_have_text(re.compile(r"\d+ cubes · \d+\s% like your file"))
     page.locator(".more > summary").click()
     expect(page.locator("#preset")).to_be_visible()
     if view:
