@@ -8,23 +8,21 @@ from statistics import median
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
-
 from bench.sections import Section
 from foldback import foldback_check_exhaustion
-from foldback.planner.arrays import Array
-from foldback.planner.chain.built_in_modules import module_named
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import Module
+from foldback.planner.pathfinding.snake_cubes import box_cells, fold_sequence
 from foldback.planner.pipeline.fold import fold, refold
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.steps import steps_of
 from foldback.planner.reachability.deciding import Decider
 from foldback.planner.reachability.exhaustion_file import write_exhaustion
 from foldback.planner.reachability.verdict import Verdict
-from foldback.planner.twist_chains.figures import SnakeFigure, snake_figures
-from foldback.planner.twist_chains.folded_chains import snake_chain
+from foldback.planner.twist_chains.figures import known_snake_cubes, snake_figures
+from foldback.planner.twist_chains.folded_chains import cube_chain, snake_chain
 from foldback.words.reachability import size_text
 
-PRISM = module_named("snake-prism")
 ONE_JOINT_BAR = 33
 """Number of figures to which sampled searches of others found single turns, by their own count."""
 SMALL_SIZE = 0.8
@@ -47,15 +45,8 @@ def snakes(reference_seconds: float) -> Section:
     section = Section(name="snakes")
     verdicts: dict[str, Verdict] = {}
     for figure in snake_figures():
-        start_s = time.process_time()
-        verdict = Decider(PRISM, angles_of(figure)).verdict()
-        seconds = time.process_time() - start_s
-        verdicts[figure.name] = verdict
-        section.rows.append(
-            {"name": figure.name}
-            | _row(verdict)
-            | {"seconds": round(seconds, 2), "ratio": round(seconds / reference_seconds, 2)}
-        )
+        chain = snake_chain(figure.code, name=figure.name)
+        verdicts[figure.name] = _add_verdict(section, chain, reference_seconds)
     _add_verdicts(section, verdicts)
     _add_sizes(section, verdicts)
     times = [row["seconds"] for row in section.rows]
@@ -64,15 +55,39 @@ def snakes(reference_seconds: float) -> Section:
         ("most", max(times), MAX_SECONDS),
     ):
         section.add(f"seconds, {name}", f"{value:.2f}", f"at most {bar:g}", value <= bar)
+    cubes = [_add_verdict(section, chain, reference_seconds) for chain in _cube_chains()]
+    decided = sum(verdict.kind != "not-found" for verdict in cubes)
+    section.add("snake cubes decided", f"{decided} of {len(cubes)}", "all", decided == len(cubes))
     return section
 
 
-def angles_of(figure: SnakeFigure) -> Array:
-    """Return the (J,) hinge angles of a figure."""
-    return np.pi / 2 * np.array(figure.code.digits, dtype=np.float64)
+def _add_verdict(section: Section, chain: Chain, reference_seconds: float) -> Verdict:
+    """Add a row with the verdict on a chain's folded shape."""
+    start_s = time.process_time()
+    verdict = Decider(chain.module, chain.folded_rad).verdict()
+    seconds = time.process_time() - start_s
+    section.rows.append(
+        {"name": chain.name}
+        | _row(chain, verdict)
+        | {"seconds": round(seconds, 2), "ratio": round(seconds / reference_seconds, 2)}
+    )
+    return verdict
 
 
-def _row(verdict: Verdict) -> dict[str, Any]:
+def _cube_chains() -> list[Chain]:
+    """Return the known snake cubes, solved."""
+    return [
+        cube_chain(
+            fold_sequence(
+                cube.sequence, box_cells((cube.side, cube.side, cube.side)), max_solutions=1
+            ).paths[0, 0],
+            name=cube.names[0],
+        )
+        for cube in known_snake_cubes()
+    ]
+
+
+def _row(chain: Chain, verdict: Verdict) -> dict[str, Any]:
     proof, sequence, smaller = verdict.exhaustion, verdict.sequence, verdict.smaller
     return {
         "verdict": verdict.kind,
@@ -83,20 +98,20 @@ def _row(verdict: Verdict) -> dict[str, Any]:
         ),
         "is_largest": verdict.is_largest,
         "no_single_turns": None if proof is None else f"{len(proof.states)} of {proof.modules}",
-        "proved": _is_proved(verdict),
+        "proved": _is_proved(chain.module, verdict),
         "states": verdict.states,
         "tried": verdict.tried,
     }
 
 
-def _is_proved(verdict: Verdict) -> bool | None:
+def _is_proved(module: Module, verdict: Verdict) -> bool | None:
     """Return True if the second program proves that there are no single turns; None without."""
     if verdict.exhaustion is None:
         return None
     with TemporaryDirectory() as directory:
         path = Path(directory) / "exhaustion.json"
         path.write_bytes(
-            write_exhaustion(PRISM, verdict.exhaustion, figure=verdict.figure, goal=verdict.goal)
+            write_exhaustion(module, verdict.exhaustion, figure=verdict.figure, goal=verdict.goal)
         )
         return foldback_check_exhaustion.check(str(path))["verdict"] == "proved"
 
@@ -149,8 +164,12 @@ def snake_folds(reference_seconds: float) -> Section:
         plan = fold(snake_chain(figure.code, name=figure.name))
         section.rows.append(_fold_row(figure.name, plan, start_s, reference_seconds))
         plans.append(plan)
+    for chain in _cube_chains():
+        start_s = time.process_time()
+        section.rows.append(_fold_row(chain.name, fold(chain), start_s, reference_seconds))
+    count = len(section.rows)
     folds = sum(row["verified"] for row in section.rows)
-    section.add("folds, verified", f"{folds} of {len(plans)}", "all", folds == len(plans))
+    section.add("folds, verified", f"{folds} of {count}", "all", folds == count)
     rows: list[dict[str, Any]] = []
     for number in range(PAIRS):  # a figure, and the one half a list further on
         first, second = plans[number], plans[(number + len(plans) // 2) % len(plans)]

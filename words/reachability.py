@@ -25,7 +25,7 @@ def verdict_lines(verdict: Verdict, words: ModuleWords, step_deg: float) -> list
         words: What people call the modules.
         step_deg: Step of the joints.
     """
-    turn = {90.0: "quarter turn", 180.0: "half turn"}.get(step_deg, f"turn by {step_deg:g}°")
+    turn = {90.0: "quarter turn", 180.0: "half turn"}.get(round(step_deg, 6), "turn")
     full, smaller = verdict.at_full_size, verdict.smaller
     lines: list[str] = []
     if verdict.kind == "one-joint" and full is not None:

@@ -10,10 +10,11 @@ import numpy as np
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.module import Module
+from foldback.planner.core import SIZE_TOLERANCE
 from foldback.planner.core.structures import Levels
 from foldback.planner.errors import InputError
 from foldback.planner.reachability.verdict import Exhaustion, Sequence, Verdict, VerdictKind
-from foldback.planner.turns.hinge_steps import HingeSteps, StateSearch
+from foldback.planner.turns.hinge_steps import FULL_SIZE, HingeSteps, StateSearch
 
 MIN_SIZE: Final = 0.5
 """Size of the modules below which no turns are searched for."""
@@ -26,8 +27,6 @@ MAX_MOTIONS: Final = 20_000
 """Maximum number of motions of several joints at once that are tried."""
 SIZE_STEP: Final = 0.01
 """Amount by which the size is reduced where a search ends without a result."""
-FREE: Final = 1.0 - 1e-7
-"""Size from which on a state is free at full size, in spite of rounding errors."""
 
 
 class Decider:
@@ -111,7 +110,7 @@ class Decider:
         start: Levels,
         goal: Levels,
         *,
-        size: float = 1.0,
+        size: float = FULL_SIZE,
         min_size: float | None = None,
         together: int = 1,
         max_states: int,
@@ -134,7 +133,8 @@ class Decider:
     def _sequence(self, search: StateSearch) -> Sequence:
         """Return the turns of a search from the figure, the other way round."""
         return Sequence(
-            rest_angles_rad=self._whole.angles(search.way)[::-1].copy(), size=search.size
+            rest_angles_rad=self._whole.angles(search.way)[::-1].copy(),
+            size=self._whole.way_size(search.way),
         )
 
     def _parts(self) -> Iterator[tuple[int, HingeSteps, Levels, Levels]]:
@@ -191,7 +191,7 @@ class Decider:
         Args:
             limit: Size above which there are no single turns.
         """
-        size, is_largest = limit, True
+        size, is_largest = limit - 2.0 * SIZE_TOLERANCE, True
         while size >= MIN_SIZE:
             search = self._search(
                 self._whole,
@@ -227,7 +227,7 @@ def check_overlap(steps: HingeSteps, state: Levels) -> None:
         InputError: ``overlap``, with the numbers of two such modules.
     """
     size, first, second = steps.resting_size(state)
-    if size < FREE:
+    if size < FULL_SIZE:
         raise InputError(
             "overlap",
             "this figure cannot exist: its modules {modules} would lie in one another; check the "

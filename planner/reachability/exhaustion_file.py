@@ -11,7 +11,7 @@ from typing import Any, Final
 from foldback.planner.chain.module import Module
 from foldback.planner.core.structures import Levels, TurnTable
 from foldback.planner.reachability.verdict import Exhaustion
-from foldback.planner.turns.hinge_steps import HingeSteps
+from foldback.planner.turns.hinge_steps import FULL_SIZE, HingeSteps
 
 EXHAUSTION_FORMAT: Final = "foldback-exhaustion/1"
 BLOCKED: Final = -1
@@ -29,7 +29,7 @@ def write_exhaustion(
         figure, goal: (J,) levels of the whole chain.
     """
     steps = HingeSteps(module, exhaustion.modules, first=exhaustion.first)
-    table = steps.table(exhaustion.states, 1.0)
+    table = steps.table(exhaustion.states, FULL_SIZE)
     values = {
         "format": EXHAUSTION_FORMAT,
         "module": module.document,

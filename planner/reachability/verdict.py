@@ -73,7 +73,8 @@ class Verdict:
             none, or none was found.
         smaller: Turns of one joint at a time for smaller modules; None if not asked for or not
             found.
-        is_largest: True if no larger size of the modules allows single turns, which is proved.
+        is_largest: True if no size of the modules that is larger by 0.0002 or more allows single
+            turns, which is proved.
         exhaustion: Proof that single turns at full size do not lead there.
         states: Number of states that were tried in all.
         tried: Number of turns that were tried in all.

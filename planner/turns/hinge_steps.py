@@ -9,10 +9,13 @@ import numpy as np
 
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.module import Module
-from foldback.planner.core import MIN_TURN_SIZE, JointTurns
+from foldback.planner.core import MIN_TURN_SIZE, SIZE_TOLERANCE, JointTurns
 from foldback.planner.core.structures import Levels, TurningChain, TurnSearch, TurnTable
 from foldback.planner.errors import InputError
 
+FULL_SIZE: Final = 1.0 - SIZE_TOLERANCE
+"""Size that counts as full size: modules that touch are free, and so are those of which a file
+states the corners to a few digits."""
 MAX_LEVEL: Final = 127
 """Maximum number of steps of a hinge, either way."""
 STEP_TOLERANCE_RAD: Final = 1e-3
