@@ -370,6 +370,7 @@ interface BarOutline {
 }
 // Who plays: a player, or two on one playhead.
 interface Playing {
+  usualColour?: string; // colouring before anybody chooses one; not of a pair
   send(message: Command): boolean;
   on(name: "waiting" | "begun", heard: () => void): void;
   on(name: "outline", heard: (outline: BarOutline) => void): void;

@@ -89,5 +89,8 @@ test("a hash leaves out default values", () => {
     "#camera=,,1.5",
   );
   assert.equal(hashOf(NOTHING), "");
+  const coloured = { ...NOTHING, colour: "module" };
+  assert.equal(hashOf(coloured, "", "module"), "");
+  assert.equal(hashOf(coloured), "#colour=module");
   assert.equal(shortOf(FULL), "12,-57.3,28.65,1.25,0.1,-0.2");
 });

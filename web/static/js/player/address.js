@@ -84,6 +84,7 @@ export function viewIn(hash) {
 export function hashOf(
   { frame, module, from, to, loop, camera, colour, path, follow, speed, play, stop },
   theme = "",
+  usual = USUAL_COLOURING,
 ) {
   const parts = [];
   if (frame !== null) parts.push(`frame=${Math.round(frame) + 1}`);
@@ -93,7 +94,7 @@ export function hashOf(
   if (loop && from === null && to === null) parts.push("loop=1");
   if (camera && !(follow && cameraText(camera) === cameraText(USUAL)))
     parts.push(`camera=${cameraText(camera)}`);
-  if (colour && colour !== USUAL_COLOURING) parts.push(`colour=${colour}`);
+  if (colour && colour !== usual) parts.push(`colour=${colour}`);
   if (path) parts.push("path=1");
   if (!follow) parts.push("follow=0");
   if (speed !== 1) parts.push(`speed=${rounded(speed, 2)}`);
@@ -162,7 +163,8 @@ export class Place {
     const view = viewIn(location.hash);
     const play = view.play ?? viewIn(location.search.replace(/^\?/, "")).play;
     const { player } = this.page;
-    if (view.named || this.acted) this.page.colour(view.colour ?? USUAL_COLOURING);
+    if (view.named || this.acted)
+      this.page.colour(view.colour ?? player.usualColour ?? USUAL_COLOURING);
     this.page.path(view.path);
     player.send({ do: "select", module: view.module });
     player.send({
@@ -207,7 +209,11 @@ export class Place {
       location.pathname +
       search +
       (view
-        ? hashOf({ ...view, stop: this.stop }, document.documentElement.dataset.theme)
+        ? hashOf(
+            { ...view, stop: this.stop },
+            document.documentElement.dataset.theme,
+            this.page.player.usualColour,
+          )
         : location.hash)
     );
   }

@@ -228,6 +228,12 @@ export class Player extends PlayerState {
     this.send({ do: "select", module: module === this.selected ? null : module });
   }
 
+  // The colouring that the modules have before anybody chooses one.
+  get usualColour() {
+    const header = this.timeline.bundle?.header;
+    return header ? usualColouring(this.usual, header) : this.usual;
+  }
+
   // Set the colouring of the modules; see colours.js.
   /** @param {import("./colours.js").Colouring} colouring */
   colourBy(colouring) {
@@ -242,11 +248,7 @@ export class Player extends PlayerState {
     const { timeline } = this;
     this.snapshot = this.search = null;
     this.colourBy(
-      colouringFor(
-        this.colouring?.key ?? usualColouring(this.usual, timeline.bundle.header),
-        timeline,
-        this.colouring?.figures,
-      ),
+      colouringFor(this.colouring?.key ?? this.usualColour, timeline, this.colouring?.figures),
     );
     this.rig.begin();
     this.stage?.set(timeline.bundle);
