@@ -13,13 +13,22 @@ from foldback.planner.simulation.contact_finder import ContactFinder
 from foldback.planner.simulation.engine import Engine, build_chain_model
 from foldback.planner.simulation.mujoco_models import Material, tree_spec
 from foldback.planner.simulation.reduced_state import Acceleration, State
-from tests.planner.chains import Array, coil, line, random_rotation, random_state
+from tests.planner.brackets import BRACKETS
+from tests.planner.chains import (
+    Array,
+    coil,
+    line,
+    random_rotation,
+    random_state,
+    unvalidated,
+)
 from tests.planner.mujoco_tree import accelerate, scale_masses, solve_exactly
 
 CHAINS = {
     "cubes": coil(32),
     "line": line(60),
     "tetrahedra": Chain.from_angles(TETRAHEDRON, np.zeros(11)),
+    "brackets": unvalidated(BRACKETS, np.zeros(10)),
 }
 
 
@@ -66,7 +75,8 @@ def test_engine_of_a_free_chain_moves_as_one_tree(chain: Chain, has_lumps: bool)
     rotors = rng.uniform(0.0, 1e4, hinges) * rng.integers(0, 2, hinges)
     torques = 20.0 * has_lumps * rng.normal(size=hinges)
     lumps = random_lumps(3) if has_lumps else Lumps.none()
-    model = build_chain_model(chain, root=chain.root, masses=masses, lumps=lumps)
+    weights = masses * chain.module.masses(len(chain))
+    model = build_chain_model(chain, root=chain.root, masses=weights, lumps=lumps)
     engine = Engine(model, chain.stops_rad())
     mj_model = tree(chain, 0.02, masses, rotors, lumps)
     loads = Loads(torques, rotors, np.zeros((len(chain), 3)), np.zeros(3))
