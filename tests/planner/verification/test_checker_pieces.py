@@ -121,7 +121,7 @@ def test_both_checkers_prove_a_motion_but_not_more_than_its_clearance(
         assert result["verdict"] == other["verdict"] == expected, (result, other)
         if claim < clearance:
             assert result["looks"] == pytest.approx(other["pairs"], rel=0.05)
-            for key in ("start", "end", "module"):
+            for key in ("start", "end", "module", "exempt"):
                 assert result[key] == other[key]
             assert result["start"] == "at rest (all hinges at 0)"
 

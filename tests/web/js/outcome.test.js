@@ -14,6 +14,7 @@ const said = {
   limits: "",
   standard: true,
   module: "cube",
+  exempt: 7,
   start: "straight",
   end: "folded: 3 of 12 hinges are bent, by up to 90.0 degrees",
 };
@@ -31,6 +32,10 @@ test("a checked plan is described by its modules, their size, the start and the 
   assert.equal(
     outcome("claim", { ...proved, said }),
     "This browser checked 8 modules without our server. Each module (cube) fills 95.0 % of the spacing. The motion begins straight. It ends folded: 3 of 12 hinges are bent, by up to 90.0 degrees. Modules that share no joint stay at least 3.1 % of the spacing apart during the whole motion. The check took 1 s.",
+  );
+  assert.match(
+    outcome("claim", { ...proved, said: { ...said, exempt: 0 } }),
+    / All modules stay at least 3\.1 % of the spacing apart/,
   );
   assert.match(
     outcome("claim", { ...proved, said: { ...said, limits: "nothing folds" } }),

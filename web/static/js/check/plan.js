@@ -9,8 +9,9 @@ import { Archive, quoted, readable, TYPES, Unreadable } from "./npz.js";
  *   widths of a module's cell, and largest size of modules that still fit
  */
 /**
- * @typedef {{ verdict: string, limits: string, standard: boolean, module: string, start: string,
- *   end: string }} Said what was proved, and of what; the words are those of foldback_check.py
+ * @typedef {{ verdict: string, limits: string, standard: boolean, module: string, exempt: number,
+ *   start: string, end: string }} Said what was proved, and of what, but for how many pairs; the
+ *   words are those of foldback_check.py
  */
 
 const FORMATS = ["foldback-claim/1", "foldback-claim/2"]; // first: one part and equal ranges
@@ -449,7 +450,11 @@ export class Plan {
         standard,
         kind,
         rest,
-        module: { radius },
+        n,
+        module: {
+          radius,
+          geometry: { apart },
+        },
       } = this,
       within = bends(values),
       before = bends(folded);
@@ -476,6 +481,7 @@ export class Plan {
         ? kind
         : `${quoted(kind)} as the plan describes it, not one of foldback's: its corners are up ` +
           `to ${(100 * radius).toFixed(1)} % of the spacing from its centre`,
+      exempt: (apart - 1) * (n - 1),
       start: bent[0]
         ? `in another shape: ${shape(0)}; the chain is ` +
           `${straight < 0 ? `never ${rest}` : `${rest} after ${straight} of ${frames - 1} steps`}`

@@ -28,7 +28,7 @@ export function outcome(way, answer) {
   if (answer.is === "refused") return refusal(way, answer);
   const {
     plan: { modules, size, claim },
-    said: { limits, standard, module, start, end },
+    said: { limits, standard, module, exempt, start, end },
     touch,
     joint,
     seconds,
@@ -40,8 +40,9 @@ export function outcome(way, answer) {
     return (
       `${limits ? `Proved, but ${limits}. ` : ""}This browser checked ` +
       `${integerText(modules)} modules without our server. ${shape} The motion begins ` +
-      `${start}. It ends ${end}. Modules that share no joint stay at least ${percent(claim)} of ` +
-      `the spacing apart during the whole motion. The check took ${took(seconds)}.`
+      `${start}. It ends ${end}. ${exempt ? "Modules that share no joint" : "All modules"} stay ` +
+      `at least ${percent(claim)} of the spacing apart during the whole motion. The check took ` +
+      `${took(seconds)}.`
     );
   }
   if (way === "size") {
