@@ -28,8 +28,8 @@ import sys
 import numpy as np
 
 TOLERANCE = 1e-6  # pitches; far above rounding errors, which are below 1e-12 here
-MAX_BYTES, MAX_STATES, MAX_MODULES, MAX_CORNERS = 1 << 28, 2_000_000, 1000, 32
-ROWS_AT_ONCE = 4000
+MAX_BYTES, MAX_STATES, MAX_MODULES, MAX_CORNERS, MAX_PARTS = 1 << 28, 2_000_000, 1000, 32, 16
+ROWS_AT_ONCE, NUMBERS_AT_ONCE = 4000, 1 << 22
 
 
 class NotProved(Exception):
@@ -106,6 +106,8 @@ class Part:
         if module.get("format") != "foldback-module/1":
             raise Unreadable("the module is not foldback-module/1")
         named = {piece["name"]: piece for piece in module["pieces"]}
+        if len(named) > MAX_PARTS or any(len(p["parts"]) > MAX_PARTS for p in named.values()):
+            raise Unreadable("a module has too many pieces or parts")
         order = [named[name] for name in module["pattern"]]
         pieces = [order[(first + k) % len(order)] for k in range(count)]
         bodies = {n: [Body(p["corners"]) for p in v["parts"]] for n, v in named.items()}
@@ -156,6 +158,12 @@ class Part:
             all_axes.append(axes)
             all_places.append(place)
         return np.stack(all_axes, 1), np.stack(all_places, 1)
+
+    def rows_at_once(self, i, j):
+        """Return the number of poses of two modules that are compared at once."""
+        bodies = self.bodies[i] + self.bodies[j]
+        edges, corners = (max(len(getattr(b, k)) for b in bodies) for k in ("edges", "corners"))
+        return max(1, NUMBERS_AT_ONCE // (edges * edges * corners))
 
     def overlap(self, i, j, axes, places):
         """Return (B,) how far modules i and j overlap, pitches; negative where they are apart."""
@@ -283,10 +291,12 @@ def check_overlaps(part, blocked):
             at = np.flatnonzero((pairs == (i, j)).all(1))
             if abs(i - j) < part.apart:
                 raise NotProved(f"{rows[at[0]][0]}: linked modules may overlap")
-            depths = part.overlap(i, j, axes[at], places[at])
-            if not (depths > TOLERANCE).all():
-                worst = int(depths.argmin())
-                raise NotProved(f"{rows[at[worst]][0]}: the modules do not overlap")
+            count = part.rows_at_once(i, j)
+            for some in np.split(at, range(count, len(at), count)):
+                depths = part.overlap(i, j, axes[some], places[some])
+                if not (depths > TOLERANCE).all():
+                    worst = int(depths.argmin())
+                    raise NotProved(f"{rows[some[worst]][0]}: the modules do not overlap")
 
 
 def check(path):

@@ -210,3 +210,17 @@ def test_what_is_no_json_is_unreadable(tmp_path: Path) -> None:
         path.write_bytes(data)
         assert foldback_check_exhaustion.check(str(path))["verdict"] == "unreadable"
     assert foldback_check_exhaustion.check(str(tmp_path / "none.json"))["verdict"] == "unreadable"
+
+
+def test_many_corners_take_little_memory() -> None:
+    round_body = [
+        [np.cos(a), np.sin(a), z] for a in np.linspace(0.0, 2.0 * np.pi, 17)[:16] for z in (-1, 1)
+    ]
+    document = json.loads(json.dumps(PRISM.document))
+    document["pieces"][0]["parts"][0]["corners"] = round_body
+    part = foldback_check_exhaustion.Part(document, 0, 3)
+    assert len(part.bodies[0][0].edges) >= 9
+    rows = part.rows_at_once(0, 2)
+    assert 1 <= rows * len(part.bodies[0][0].edges) ** 2 * 32 <= 1 << 22
+    axes, places = part.poses(np.zeros((2, 2)))
+    assert (part.overlap(0, 2, axes, places) > 0.1).all()
