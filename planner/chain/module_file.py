@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 
 from foldback.planner.arrays import Array
+from foldback.planner.chain.display_names import clean_name
 from foldback.planner.chain.module import Filling, JointKind, Module, ModuleWords, Piece
 from foldback.planner.chain.polyhedron import Polyhedron, VolumeMoments, frozen, volume_moments
 from foldback.planner.errors import InputError
@@ -28,6 +29,9 @@ MAX_PATTERN: Final = 1_000_000
 CENTRED: Final = 1e-12
 """Distance of the centre of mass from a frame's origin, in pitches, and product of inertia with
 mass 1, in square pitches, up to which the frame of a file is kept as it is."""
+
+END: Final = r"$(?!\n)"
+"""End of a pattern: a dollar sign alone also matches before a final line break."""
 
 Coordinate = Annotated[float, msgspec.Meta(ge=-MAX_LENGTH, le=MAX_LENGTH)]
 Vector = tuple[Coordinate, Coordinate, Coordinate]
@@ -71,7 +75,7 @@ class HingeValues(Values, frozen=True):
     axis: Vector
     range_deg: tuple[Degrees, Degrees] | None = None
     stop_deg: tuple[Degrees, Degrees] | None = None
-    name: Annotated[str, msgspec.Meta(max_length=8, pattern="^[a-z0-9]*$")] = ""
+    name: Annotated[str, msgspec.Meta(max_length=8, pattern=f"^[a-z0-9]*{END}")] = ""
 
 
 class JointValues(Values, frozen=True):
@@ -95,14 +99,14 @@ class PieceValues(Values, frozen=True):
 class DrawingValues(Values, frozen=True):
     """Colours of successive modules, in turn, as in CSS."""
 
-    colours: list[Annotated[str, msgspec.Meta(pattern="^#[0-9a-f]{6}$")]]
+    colours: list[Annotated[str, msgspec.Meta(pattern=f"^#[0-9a-f]{{6}}{END}")]]
 
 
 class ModuleValues(Values, frozen=True):
     """A module, as JSON values."""
 
     format: Literal["foldback-module/1"]
-    name: Annotated[str, msgspec.Meta(pattern="^[a-z][a-z0-9-]*$", max_length=MAX_MODULE_NAME)]
+    name: Annotated[str, msgspec.Meta(pattern=f"^[a-z][a-z0-9-]*{END}", max_length=MAX_MODULE_NAME)]
     words: WordValues
     pieces: Annotated[list[PieceValues], msgspec.Meta(min_length=1, max_length=MAX_PIECES)]
     pattern: Annotated[list[Text], msgspec.Meta(min_length=1, max_length=MAX_PATTERN)]
@@ -179,7 +183,10 @@ def _module(values: ModuleValues, document: dict[str, Any]) -> Module:
         raise _bad("pattern", f"got {unknown[0]!r}, expected names of pieces: {', '.join(names)}")
     return Module(
         name=values.name,
-        words=ModuleWords(values.words.singular, values.words.plural),
+        words=ModuleWords(
+            _word(values.words.singular, "words.singular"),
+            _word(values.words.plural, "words.plural"),
+        ),
         filling=values.filling,
         pieces=pieces,
         pattern=tuple(names.index(name) for name in values.pattern),
@@ -194,6 +201,16 @@ def _module(values: ModuleValues, document: dict[str, Any]) -> Module:
         colours=() if values.drawing is None else tuple(values.drawing.colours),
         document=document,
     )
+
+
+def _word(text: str, place: str) -> str:
+    if clean_name(text) != text:
+        raise _bad(
+            place,
+            f"got {text!r} with characters that show nothing or move others, expected a word such "
+            "as 'cube'",
+        )
+    return text
 
 
 def _rest(values: ModuleValues, hinges: int) -> Array | None:

@@ -122,6 +122,10 @@ def test_chain_with_a_described_module_is_written_and_read() -> None:
         (("rest_deg",), [0, 0], "2 angles"),
         (("format",), "foldback-module/9", "format"),
         (("name",), "../cube", "name"),
+        (("name",), "cube\n", "name"),
+        (("pieces", 0, "joint", "hinges", 0, "name"), "z\n", "name"),
+        (("words", "plural"), "\u202esebuc", "words.plural.*show nothing"),
+        (("words", "singular"), "two\nlines", "words.singular.*show nothing"),
     ],
 )
 def test_faults_of_a_file_are_named(place: tuple[Any, ...], value: Any, message: str) -> None:

@@ -38,6 +38,15 @@ def test_lists_and_pages_call_described_modules_by_their_words(idle: Service) ->
     assert "8\N{NO-BREAK SPACE}wedges" in idle.http.get(f"/folds/{fold_id}").text
 
 
+def test_words_are_text_on_pages(idle: Service) -> None:
+    words = {"singular": "<script>", "plural": "<script>alert(1)</script>"}
+    hostile = {**BOW, "module": {**MODULE, "words": words}}
+    file = {"file": ("bow.json", json.dumps(hostile).encode())}
+    fold_id = idle.http.post("/api/folds", files=file).json()["id"]
+    page = idle.http.get(f"/folds/{fold_id}").text
+    assert "&lt;script&gt;alert" in page and "<script>alert" not in page
+
+
 def test_described_module_takes_no_shipped_name(idle: Service) -> None:
     taken = {**BOW, "module": {**MODULE, "name": "cube"}}
     file = {"file": ("bow.json", json.dumps(taken).encode())}
