@@ -23,6 +23,9 @@ TAG_LABELS: Final = {
     "number": "Numbers",
     "sign": "Signs",
     "plant": "Plants",
+    "snake": "Rubik’s snake",
+    "puzzle": "Snake cubes",
+    "robot": "Robots",
     "paper": "From the paper",
 }
 CHAIN_LABELS: Final = {name: module_named(name).words.plural.capitalize() for name in MODULE_NAMES}
