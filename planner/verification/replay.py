@@ -13,14 +13,11 @@ import numpy as np
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.errors import InputError
-from foldback.planner.exports.mjcf import MAX_TREE_MODULES, named_bodies
+from foldback.planner.exports.mjcf import named_bodies
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.value_differences import Differences
 from foldback.planner.simulation.lazy_mujoco import mujoco
 
-MODEL_ROUNDING_PITCH: Final = 2e-7
-"""Largest error of a module's position, in pitches for each module of its chain, by MuJoCo's model
-files, whose numbers have six digits. Measured: 1.3e-7 with random angles of 12 to 200 prisms."""
 MAX_REPLAYED_MODULES: Final = 5_000_000
 """Maximum number of module poses (frames × modules) that MuJoCo replays to verify a plan; of a
 longer plan every n-th frame is replayed."""
@@ -184,10 +181,9 @@ def _configurations(plan: Plan, stride: int) -> Any:
             yield start + 0.5, angles.mean(axis=0), positions.mean(axis=0), wxyzs[0]
 
 
-def replay_differs(result: Replay, modules: int) -> Differences:
-    """Yield the differences of a replay from the plan of a number of modules, and overlaps."""
-    rounding = 1e-6 + MODEL_ROUNDING_PITCH * min(modules, MAX_TREE_MODULES)  # longer ones are exact
-    if not result.pose_difference <= rounding:
+def replay_differs(result: Replay) -> Differences:
+    """Yield the differences of a replay from the plan, and overlaps."""
+    if not result.pose_difference <= 1e-6:  # pitches: rounding
         yield f"model.xml: poses differ from the plan's by {result.pose_difference:.2g} pitch"
     if not result.overlap <= 1e-9:  # pitches: rounding
         yield (

@@ -451,7 +451,7 @@ def _replayed(plan: Plan, model: str, findings: _Findings) -> Replay | None:
     sampling_note = "" if stride == 1 else f" (checked at one frame in {stride})"
     findings.look(
         f"the replay in MuJoCo has the plan's poses and no overlap{sampling_note}",
-        replay_differs(replayed, len(plan.chain)),
+        replay_differs(replayed),
     )
     return replayed
 
