@@ -256,6 +256,11 @@ auto snake_cube_paths(View<const Index, 3> near, View<const Index, 3> symmetries
   require(pieces.size() == size, "pieces: (n,)");
   for (const Index *cell = near.begin(); cell != near.end(); ++cell)
     require(*cell < size, "near: numbers of cells");
+  for (Index k = 0; k < solids; ++k)
+    for (Index cell = 0; cell < size; ++cell)
+      for (int d = 0; d < DIRECTIONS; ++d)
+        require(near(k, cell, d) < 0 || near(k, near(k, cell, d), d ^ 1) == cell,
+                "near: of neighbours in opposite directions");
   for (const Index *cell = symmetries.begin(); cell != symmetries.end(); ++cell)
     require(*cell >= 0 && *cell < size, "symmetries: numbers of cells");
   require(choices.size() <= size + 1, "choices: at most n + 1");
