@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 from typing import Final
 
@@ -63,7 +64,7 @@ class Decider:
         Args:
             sizes: Also search for the largest size where full size does not do.
         """
-        search = self._search(self._whole, self._figure, self._goal, max_states=MAX_STATES)
+        search = self._to_goal()
         if search.reached:
             return self._verdict("one-joint", at_full_size=self._sequence(search))
         exhaustion, limit = self._exhaustion(search)
@@ -130,6 +131,28 @@ class Decider:
         self._tried += search.tried
         return search
 
+    def _to_goal(self, *, size: float = FULL_SIZE, min_size: float | None = None) -> StateSearch:
+        """Search for single turns from the figure to the goal: directly, or by way of straight."""
+
+        def search(start: Levels, goal: Levels) -> StateSearch:
+            return self._search(
+                self._whole, start, goal, size=size, min_size=min_size, max_states=MAX_STATES
+            )
+
+        direct = search(self._figure, self._goal)
+        if direct.reached or not self._goal.any():
+            return direct
+        halves = [search(state, np.zeros_like(state)) for state in (self._figure, self._goal)]
+        if not all(half.reached for half in halves):
+            return direct
+        return replace(
+            direct,
+            reached=True,
+            exhausted=False,
+            way=np.concatenate([halves[0].way, halves[1].way[-2::-1]]),
+            size=min(half.size for half in halves),
+        )
+
     def _sequence(self, search: StateSearch) -> Sequence:
         """Return the turns of a search from the figure, the other way round."""
         return Sequence(
@@ -193,22 +216,9 @@ class Decider:
         """
         size, is_largest = limit - 2.0 * SIZE_TOLERANCE, True
         while size >= MIN_SIZE:
-            search = self._search(
-                self._whole,
-                self._figure,
-                self._goal,
-                size=size,
-                min_size=MIN_SIZE,
-                max_states=MAX_STATES,
-            )
+            search = self._to_goal(size=size, min_size=MIN_SIZE)
             if search.reached and search.size < size:  # a shorter way, without the detours so far
-                again = self._search(
-                    self._whole,
-                    self._figure,
-                    self._goal,
-                    size=search.size,
-                    max_states=MAX_STATES,
-                )
+                again = self._to_goal(size=search.size)
                 search = again if again.reached else search
             if search.reached:
                 return self._sequence(search), is_largest

@@ -5,6 +5,7 @@ import pytest
 
 from foldback.planner.chain.built_in_modules import module_named
 from foldback.planner.errors import InputError
+from foldback.planner.reachability import deciding
 from foldback.planner.reachability.deciding import Decider
 from foldback.planner.reachability.verdict import Verdict
 from foldback.planner.turns.hinge_steps import HingeSteps
@@ -88,6 +89,17 @@ def test_from_one_figure_to_another() -> None:
     quarters = np.rint(verdict.sequence.rest_angles_rad / (np.pi / 2)) % 4
     assert quarters[0].tolist() == [1, 2, 0, 0]
     assert quarters[-1].tolist() == [0, 0, 2, 1]
+
+
+def test_from_one_figure_to_another_by_way_of_straight(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(deciding, "MAX_STATES", 1000)  # too few for the direct way
+    verdict = decided(code_of("Ball"), code_of("Top"))
+    assert verdict.kind == "one-joint"
+    assert verdict.sequence is not None
+    quarters = np.rint(verdict.sequence.rest_angles_rad / (np.pi / 2)).astype(np.int64)
+    assert not (quarters % 4).any(axis=1).all()
+    assert "".join(map(str, quarters[0] % 4)) == code_of("Top")
+    assert "".join(map(str, quarters[-1] % 4)) == code_of("Ball")
 
 
 def test_a_figure_that_overlaps_itself_is_refused_with_two_modules() -> None:
