@@ -605,6 +605,7 @@ interface Elements {
   turn: HTMLButtonElement;
   undo: HTMLButtonElement;
   unpath: HTMLButtonElement;
+  "typed-kind": HTMLSelectElement;
   up: HTMLButtonElement;
   view: HTMLIFrameElement;
 }

@@ -120,18 +120,14 @@ const send = (file, { asVoxels = false, isShown = false } = {}) =>
       if (error instanceof Refusal && error.code === NO_PATH)
         offer("Read the file as a shape", () => send(file, { asVoxels: true }));
       if (isModule)
-        offer("Show the module", () =>
-          owning((own) => send(own.straight(), { isShown: true })),
-        );
+        offer("Show the module", () => owning((own) => send(own.straight(), { isShown: true })));
     }
   });
 
 // A typed chain is sent as a file that begins with its kind, and takes its name from its content.
 const kind = get("typed-kind");
 const sendTyped = () =>
-  send(
-    new File([`${kind.value}${get("angles").value}`], TYPED, { type: "text/plain" }),
-  );
+  send(new File([`${kind.value}${get("angles").value}`], TYPED, { type: "text/plain" }));
 const explain = () => {
   const { example, help } = kind.selectedOptions[0].dataset;
   get("typed-help").textContent = help ?? "";
