@@ -6,7 +6,6 @@ import json
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
 from foldback.cli.exit_statuses import NOT_ACHIEVED
@@ -77,8 +76,7 @@ def verdict(
     except OSError as error:
         problem = f"cannot be written ({error.strerror})."
         refuse(InputError("no-file", problem, where=str(file)), as_json)
-    step_deg = float(np.rad2deg(chain.module.pieces[0].step_rad or 0.0))
-    lines = verdict_lines(decision, chain.module.words, step_deg)
+    lines = verdict_lines(decision.figures(), chain.module)
     if as_json:
         print(json.dumps({"text": lines, **decision.report()}), flush=True)
     else:

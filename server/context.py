@@ -107,6 +107,7 @@ class Context(Viewing):
         plotter = Children("figures", replace(awaited, folders=()), fork_server)
         opened.callback(plotter.close)
         figures = opened.enter_context(closing(figures_by(plotter, settings, store)))
+        verdicts = opened.enter_context(closing(figures_by(plotter, settings, store, "verdict")))
         retimer = Pool("retimer", motions, wall_s=settings.retime_seconds, fork_server=fork_server)
         drawer = Pool("pictures", motions, wall_s=settings.preview_seconds, fork_server=fork_server)
         pictures = opened.enter_context(closing(Pictures(settings, drawer)))
@@ -144,6 +145,7 @@ class Context(Viewing):
             preview_reports=preview_reports,
             artifacts=artifacts,
             figures=figures,
+            verdicts=verdicts,
             pictures=pictures,
             movies=Movies(settings, store),
             gallery=Gallery(),

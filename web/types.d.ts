@@ -464,6 +464,11 @@ interface HeldModule {
   wxyz: Quaternion;
 } // in the frame of the folded shape
 type TurningPart = Pick<PlanStep, "joints" | "moving" | "held">;
+// Whether turns lead to a fold's figure, at full size; without a text, it is not known yet.
+interface FullSize {
+  text: string;
+  has_proof: boolean;
+}
 interface Facts {
   id: string;
   name: string;
@@ -480,6 +485,7 @@ interface Facts {
   refold: Form;
   embed: string | null;
   editable: boolean;
+  full_size: FullSize | null;
 }
 
 // Answers of the API: api.d.ts. A refusal says more where a file could not be read.

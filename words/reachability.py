@@ -3,13 +3,56 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
+from typing import TypedDict
 
-from foldback.planner.chain.module import ModuleWords
-from foldback.planner.reachability.verdict import Exhaustion, Sequence, Verdict
+from foldback.planner.chain.module import Module, ModuleWords
+from foldback.planner.errors import UNREADABLE, PlannerError
+from foldback.planner.pipeline.fold_layout import judged_module, lacks_verdict, stored_verdict
+from foldback.planner.reachability.verdict_figures import (
+    ExhaustionFigures,
+    SequenceFigures,
+    VerdictFigures,
+)
+from foldback.planner.storage.file_names import CHAIN, VERDICT_FILES
+from foldback.planner.verification.integrity import damaged_among
 
 CHECK_HINT = (
     "Another program checks the proof in this file: python foldback_check_exhaustion.py {file}"
 )
+
+
+class FullSize(TypedDict):
+    """Whether turns at full size lead to the figure of a fold, on its page.
+
+    Attributes:
+        text: The verdict; empty while it is computed.
+        has_proof: True if a file proves that single turns do not lead there.
+    """
+
+    text: str
+    has_proof: bool
+
+
+def full_size(directory: Path, derived_dir: Path) -> FullSize | None:
+    """Return the verdict on the figure of a fold; None if its figure gets none.
+
+    Args:
+        directory: Directory of the fold, which is over.
+        derived_dir: Directory of the verdict.
+    """
+    try:
+        module = judged_module(directory)
+        awaited = module is not None and derived_dir == directory and lacks_verdict(directory)
+    except (PlannerError, *UNREADABLE):  # reported where the files are read
+        return None
+    if module is None or damaged_among(directory, (CHAIN, *VERDICT_FILES)):
+        return None
+    verdict = None if awaited else stored_verdict(derived_dir)
+    if verdict is None:
+        return {"text": "", "has_proof": False}
+    lines = verdict_lines(verdict, module)
+    return {"text": " ".join(lines), "has_proof": verdict.exhaustion is not None}
 
 
 def size_text(size: float) -> str:
@@ -17,14 +60,14 @@ def size_text(size: float) -> str:
     return f"{math.floor(size * 1e4 + 1e-6) / 1e4:g}"
 
 
-def verdict_lines(verdict: Verdict, words: ModuleWords, step_deg: float) -> list[str]:
+def verdict_lines(verdict: VerdictFigures, module: Module) -> list[str]:
     """Return the verdict, the most important first, a sentence on each line.
 
     Args:
         verdict: The verdict.
-        words: What people call the modules.
-        step_deg: Step of the joints.
+        module: The module of the chain.
     """
+    words, step_deg = module.words, math.degrees(module.pieces[0].step_rad or 0.0)
     turn = {90.0: "quarter turn", 180.0: "half turn"}.get(round(step_deg, 6), "turn")
     full, smaller = verdict.at_full_size, verdict.smaller
     lines: list[str] = []
@@ -55,12 +98,12 @@ def verdict_lines(verdict: Verdict, words: ModuleWords, step_deg: float) -> list
     return lines
 
 
-def _turns(sequence: Sequence, turn: str) -> str:
+def _turns(sequence: SequenceFigures, turn: str) -> str:
     return f"{sequence.turns} {turn}{'' if sequence.turns == 1 else 's'}"
 
 
-def _exhaustion(proof: Exhaustion, modules: int, words: ModuleWords, turn: str) -> str:
-    first, last, states = proof.first + 1, proof.first + proof.modules, len(proof.states)
+def _exhaustion(proof: ExhaustionFigures, modules: int, words: ModuleWords, turn: str) -> str:
+    first, last, states = proof.first + 1, proof.first + proof.modules, proof.states
     part = f"{words.plural} {first} to {last}"
     lead = f"No sequence of single {turn}s leads there at full size"
     if states == 1:

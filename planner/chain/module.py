@@ -255,9 +255,17 @@ class Module:
     @property
     def default_size(self) -> float:
         """Size at which clearance is checked if no other one is asked for."""
-        is_free = bool(np.isinf(self.ranges_rad).all())
-        has_steps = all(piece.step_rad is not None for piece in self.pieces)
-        return TWIST_MODULE_SIZE if is_free and has_steps else DEFAULT_MODULE_SIZE
+        return TWIST_MODULE_SIZE if self.turns_freely_in_steps else DEFAULT_MODULE_SIZE
+
+    @property
+    def has_steps(self) -> bool:
+        """True if all joints turn in steps."""
+        return all(piece.step_rad is not None for piece in self.pieces)
+
+    @property
+    def turns_freely_in_steps(self) -> bool:
+        """True if all joints turn in steps, and without a stop."""
+        return self.has_steps and bool(np.isinf(self.ranges_rad).all())
 
     @cached_property
     def volume(self) -> float:

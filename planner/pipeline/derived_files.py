@@ -1,4 +1,4 @@
-"""Derived files: figures and moments of a finished fold, computed when somebody asks for them.
+"""Derived files: figures, moments and verdict of a finished fold, computed when somebody asks.
 
 A fold ends without them. They are believed only if the fold's manifest lists their digests, which
 are added when they are computed; others are computed again.
@@ -6,65 +6,79 @@ are added when they are computed; others are computed again.
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
+from typing import Final
 
 from foldback.planner.certificate.frame_figures import write_figures
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.pipeline import manifest
-from foldback.planner.pipeline.fold_layout import lacks_derived_files, result_path
+from foldback.planner.pipeline.fold_layout import (
+    Derived,
+    lacks_derived_files,
+    lacks_verdict,
+    result_path,
+)
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.moment_search import moments_of
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.steps import find_steps
+from foldback.planner.reachability.deciding import Decider
+from foldback.planner.reachability.exhaustion_file import write_exhaustion
 from foldback.planner.storage.file_names import (
     DERIVED_FILES,
+    EXHAUSTION,
     FIGURES,
     FORCES,
     MOMENTS,
     PLAN,
     RECORD,
     TIMELINE,
+    VERDICT,
+    VERDICT_FILES,
 )
-from foldback.planner.storage.files import refuses_writing, write_json
+from foldback.planner.storage.files import refuses_writing, write_json, write_whole
+from foldback.planner.storage.plain_values import to_plain
 
 
-def complete(directory: FilePath) -> None:
-    """Write the figures and moments of a fold that is over, unless they are there.
+def complete(directory: FilePath, derived: Derived = "figures") -> None:
+    """Write files that are derived from a fold that is over, unless they are there.
 
     Raises:
         TimelineError: The fold has no timeline, or it is damaged.
-        InputError: Its plan cannot be read.
+        InputError: Its plan cannot be read, or its figure is not one that gets a verdict.
     """
-    if not lacks_derived_files(directory):
-        return
-    _write(directory, directory)
-    manifest.add_to_manifest(directory, DERIVED_FILES)
+    kind = _KINDS[derived]
+    if kind.lacks(directory):
+        kind.write(directory, directory)
+        manifest.add_to_manifest(directory, kind.files)
 
 
 @contextmanager
-def completed(directory: FilePath) -> Generator[FilePath]:
-    """Yield the directory that holds the figures and moments of a fold that is over.
+def completed(directory: FilePath, derived: Derived = "figures") -> Generator[FilePath]:
+    """Yield the directory that holds files that are derived from a fold that is over.
 
     It is the fold's own, or a temporary one if that cannot be written.
 
     Raises:
         TimelineError, InputError: As ``complete``.
     """
-    if not lacks_derived_files(directory):
+    kind = _KINDS[derived]
+    if not kind.lacks(directory):
         yield directory
     elif not refuses_writing(directory):
-        complete(directory)
+        complete(directory, derived)
         yield directory
     else:
         with TemporaryDirectory(prefix="foldback-") as place:
-            _write(directory, FilePath(place))
+            kind.write(directory, FilePath(place))
             yield FilePath(place)
 
 
-def _write(directory: FilePath, target: FilePath) -> None:
+def _write_figures(directory: FilePath, target: FilePath) -> None:
     """Write the figures and moments of a fold into a directory."""
     workspace = Workspace(directory)
     timeline = result_path(directory, TIMELINE)
@@ -88,3 +102,38 @@ def _write(directory: FilePath, target: FilePath) -> None:
     )
     if moments is not None:
         write_json(target / MOMENTS, moments.as_dict())
+
+
+def _write_verdict(directory: FilePath, target: FilePath) -> None:
+    """Write whether turns lead to the figure of a fold into a directory, and the proof if not."""
+    chain = Workspace(directory).read_chain()
+    decision = Decider(chain.module, chain.folded_rad).verdict()
+    if decision.exhaustion is None:
+        (target / EXHAUSTION).unlink(missing_ok=True)
+    else:
+        proof = write_exhaustion(
+            chain.module, decision.exhaustion, figure=decision.figure, goal=decision.goal
+        )
+        write_whole(target / EXHAUSTION, proof)
+    write_json(target / VERDICT, to_plain(decision.figures()))
+
+
+@dataclass(frozen=True, slots=True)
+class _Kind:
+    """A kind of derived files.
+
+    Attributes:
+        lacks: Returns True if a fold lacks them.
+        write: Writes those of a fold into a directory.
+        files: Their names.
+    """
+
+    lacks: Callable[[FilePath], bool]
+    write: Callable[[FilePath, FilePath], None]
+    files: tuple[str, ...]
+
+
+_KINDS: Final[Mapping[Derived, _Kind]] = {
+    "figures": _Kind(lacks_derived_files, _write_figures, DERIVED_FILES),
+    "verdict": _Kind(lacks_verdict, _write_verdict, VERDICT_FILES),
+}

@@ -12,15 +12,17 @@ the files as typed values.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, Final, Literal
 
 import numpy as np
 
 from foldback.planner.certificate.figures import CertificateFigures
+from foldback.planner.chain.built_in_modules import module_of
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import Module
 from foldback.planner.errors import UNREADABLE, InputError, TimelineError
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.timeline import Timeline
@@ -28,9 +30,18 @@ from foldback.planner.parameters.parameters import FLOATING
 from foldback.planner.pipeline.manifest import read_manifest
 from foldback.planner.pipeline.preference import judgement
 from foldback.planner.plan.moments import Moments
+from foldback.planner.reachability.verdict_figures import VerdictFigures
 from foldback.planner.storage import file_names as names
 from foldback.planner.storage.files import json_of
 from foldback.planner.storage.output_directory import foreign_file, listed_files, replacing
+from foldback.planner.storage.plain_values import from_plain
+
+Derived = Literal["figures", "verdict"]
+"""What is computed of a fold that is over when somebody asks: figures and moments, or whether turns
+lead to its figure."""
+MAX_JUDGED_MODULES: Final = 100
+"""Maximum number of modules of a figure whose fold's page states a verdict. One of 96 prisms at
+random took 4 s of a processor."""
 
 
 def attempt_numbers(directory: FilePath) -> list[int]:
@@ -110,7 +121,40 @@ def lacks_derived_files(directory: FilePath) -> bool:
     if not all(path.exists() for path in sources):
         return False
     is_played = all((directory / name).exists() for name in (names.PLAN, names.PLAYBACK))
-    expected = names.DERIVED_FILES if is_played else (names.FIGURES,)
+    return _lacks(directory, names.DERIVED_FILES if is_played else (names.FIGURES,))
+
+
+def stored_verdict(directory: FilePath) -> VerdictFigures | None:
+    """Return whether turns lead to the figure of a fold; None if that is not stored."""
+    try:
+        return from_plain(json_of(directory / names.VERDICT), VerdictFigures)
+    except ValueError:
+        return None
+
+
+def judged_module(directory: FilePath) -> Module | None:
+    """Return the module of a fold that is over if its figure gets a verdict; None if it does not.
+
+    Verdicts are on figures of chains that turn freely in steps, and begin with the straight chain.
+    """
+    values = json_of(directory / names.CHAIN)
+    if (directory / names.START_CHAIN).exists() or "module" not in values:
+        return None
+    module, modules = module_of(values["module"]), values.get("modules", 0)
+    return module if module.turns_freely_in_steps and 2 < modules <= MAX_JUDGED_MODULES else None
+
+
+def lacks_verdict(directory: FilePath) -> bool:
+    """Return True if the verdict on the figure of a fold that is over has still to be computed.
+
+    Raises:
+        InputError: The fold's module cannot be read.
+        DamagedError: The fold's manifest cannot be read.
+    """
+    return judged_module(directory) is not None and _lacks(directory, (names.VERDICT,))
+
+
+def _lacks(directory: FilePath, expected: Sequence[str]) -> bool:
     listed = read_manifest(directory)
     return not all(
         (directory / name).exists() and (listed is None or name in listed) for name in expected

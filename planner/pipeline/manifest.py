@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from foldback.planner.errors import UNREADABLE, DamagedError
 from foldback.planner.storage.array_files import HEAD, read_head
-from foldback.planner.storage.file_names import ARRAY_FOLDERS, DERIVED_FILES, DESCRIBED
+from foldback.planner.storage.file_names import ARRAY_FOLDERS, DESCRIBED, LATER_FILES
 from foldback.planner.storage.file_names import MANIFEST as FILE
 from foldback.planner.storage.files import write_json
 from foldback.planner.storage.plain_values import from_plain
@@ -131,7 +131,7 @@ def changed_fields(
     names = [
         name
         for name in names
-        if name not in DERIVED_FILES or (name in stated and (directory / name).exists())
+        if name not in LATER_FILES or (name in stated and (directory / name).exists())
     ]
     current = digests_of(directory, names, arrays=arrays)
     changed: list[str] = []

@@ -312,7 +312,7 @@ class Workspace:
 
     def drop_derived(self) -> None:
         """Remove what was derived from an earlier fold in this directory."""
-        self._drop(names.PICTURE, *names.DERIVED_FILES)
+        self._drop(names.PICTURE, *names.LATER_FILES)
 
     def keep_explosions(self, numbers: Collection[int]) -> None:
         """Remove the explosions that no certificate has judged, except for some."""

@@ -14,7 +14,8 @@ from foldback.planner.chain.module import Module
 from foldback.planner.core import SIZE_TOLERANCE
 from foldback.planner.core.structures import Levels
 from foldback.planner.errors import InputError
-from foldback.planner.reachability.verdict import Exhaustion, Sequence, Verdict, VerdictKind
+from foldback.planner.reachability.verdict import Exhaustion, Sequence, Verdict
+from foldback.planner.reachability.verdict_figures import VerdictKind
 from foldback.planner.turns.hinge_steps import FULL_SIZE, HingeSteps, StateSearch
 
 MIN_SIZE: Final = 0.5

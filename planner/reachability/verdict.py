@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from foldback.planner.arrays import Array
 from foldback.planner.core.structures import Levels
-
-VerdictKind = Literal["one-joint", "several-joints", "smaller-modules", "no-sequence", "not-found"]
-"""``one-joint``: one joint at a time leads there, at full size. ``several-joints``: some turns are
-made by two or three joints at once. ``smaller-modules``: one joint at a time leads there for
-smaller modules alone. ``no-sequence``: one joint at a time does not lead there, which is proved.
-``not-found``: none of this is known."""
+from foldback.planner.reachability.verdict_figures import (
+    ExhaustionFigures,
+    SequenceFigures,
+    VerdictFigures,
+    VerdictKind,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,6 +33,10 @@ class Exhaustion:
     modules: int
     states: Levels
     goal: Levels
+
+    def figures(self) -> ExhaustionFigures:
+        """Return the proof without its states."""
+        return ExhaustionFigures(first=self.first, modules=self.modules, states=len(self.states))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -58,6 +62,10 @@ class Sequence:
     def moves(self) -> int:
         """Number of turns, those that are made at once counted once."""
         return len(self.rest_angles_rad) - 1
+
+    def figures(self) -> SequenceFigures:
+        """Return the numbers of turns and their size."""
+        return SequenceFigures(size=self.size, turns=self.turns, moves=self.moves)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -95,6 +103,20 @@ class Verdict:
     def sequence(self) -> Sequence | None:
         """The turns at the largest size for which some are known."""
         return self.at_full_size or self.smaller
+
+    def figures(self) -> VerdictFigures:
+        """Return the verdict without its turns and states."""
+        full, smaller, proof = self.at_full_size, self.smaller, self.exhaustion
+        return VerdictFigures(
+            kind=self.kind,
+            modules=self.modules,
+            at_full_size=None if full is None else full.figures(),
+            smaller=None if smaller is None else smaller.figures(),
+            is_largest=self.is_largest,
+            exhaustion=None if proof is None else proof.figures(),
+            states=self.states,
+            tried=self.tried,
+        )
 
     def report(self) -> dict[str, Any]:
         """Return the verdict as JSON values."""

@@ -47,6 +47,10 @@ draft."""
 OWN_VALUES: Final = "values.json"
 """Name of a file with numbers for modules in a fold's directory, which ``foldback play`` and
 ``foldback site`` offer as colours."""
+VERDICT: Final = "verdict.json"
+"""Name of the file that states whether turns of single joints lead to a figure at full size."""
+EXHAUSTION: Final = "exhaustion.json"
+"""Name of the file with the proof that they do not, if that is the verdict."""
 PICTURE: Final = "picture.png"
 MANIFEST: Final = "manifest.json"
 ATTEMPTS_DIR: Final = "attempts"
@@ -70,12 +74,16 @@ over, those of the best attempt are moved to the fold's directory."""
 EXPORTED_FILES: Final = (PLAN, MODEL)
 """Files that the last stage of a fold, the export, writes from the chosen attempt."""
 DERIVED_FILES: Final = (FIGURES, MOMENTS)
-"""Files that are computed from those of a finished fold when somebody asks for them."""
+"""Files that are computed from those of a finished fold when somebody asks for its figures."""
+VERDICT_FILES: Final = (VERDICT, EXHAUSTION)
+"""Files that are computed when somebody asks whether turns lead to its figure."""
+LATER_FILES: Final = (*DERIVED_FILES, *VERDICT_FILES)
+"""All files that are computed from those of a finished fold when somebody asks for them."""
 DESCRIBED: Final = (
     *(INPUT, REQUEST, START_CHAIN, START_PLAN, RECORDED_PLAN, CANDIDATES, CHAIN, ATTEMPTS),
     *(RECORD, PLAYBACK, CERTIFICATE, FORCES, TIMELINE),
     *EXPORTED_FILES,
-    *DERIVED_FILES,
+    *LATER_FILES,
 )
 """Files of a fold that determine or describe its plan. The fold's manifest lists their SHA-256
 digests in this order, so that later changes are noticed."""

@@ -216,11 +216,6 @@ class HingeSteps:
         )
 
 
-def has_steps(module: Module) -> bool:
-    """Return True if all joints of a module turn in steps."""
-    return all(piece.step_rad is not None for piece in module.pieces)
-
-
 def turning_chain(module: Module, modules: int, *, first: int = 0) -> TurningChain:
     """Return a chain as kernels take it.
 

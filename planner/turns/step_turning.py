@@ -10,7 +10,7 @@ import numpy as np
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
 from foldback.planner.core.structures import Levels
-from foldback.planner.turns.hinge_steps import HingeSteps, has_steps
+from foldback.planner.turns.hinge_steps import HingeSteps
 
 ROOM_SHARE: Final = 0.9
 """Distance that modules keep in a merged step, as a fraction of the one that they keep in single
@@ -155,7 +155,7 @@ class StepTurning:
 
 def turns_in_steps(chain: Chain) -> bool:
     """Return True if a chain's hinges turn in steps, and its folded angles are whole steps."""
-    if not has_steps(chain.module):
+    if not chain.module.has_steps:
         return False
     steps = chain.folded_rad / HingeSteps(chain.module, len(chain)).step_rad
     return bool((np.abs(steps - np.rint(steps)) < 1e-4).all())

@@ -24,7 +24,7 @@ from foldback.planner.pipeline.manifest import (
     read_manifest,
 )
 from foldback.planner.storage.array_files import check_folder
-from foldback.planner.storage.file_names import ARRAY_FOLDERS, DERIVED_FILES
+from foldback.planner.storage.file_names import ARRAY_FOLDERS, LATER_FILES
 
 _RESULTS: Final[dict[FilePath, tuple[object, str | None]]] = {}
 _LOCK: Final = threading.Lock()
@@ -75,7 +75,7 @@ def _reason(directory: FilePath, name: str) -> str | None:
         if digests is not None and name not in digests:
             return None
         if not path.exists():
-            may_be_missing = digests is None or name in DERIVED_FILES
+            may_be_missing = digests is None or name in LATER_FILES
             return None if may_be_missing else "the file is missing"
         if name in ARRAY_FOLDERS:
             return _reason_of_folder(path, digests)

@@ -26,7 +26,7 @@ from foldback.planner.explosion.diagnosis import stuck_of
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.parameters.parameters import FLOATING
 from foldback.planner.pipeline.derived_files import completed
-from foldback.planner.pipeline.fold_layout import plan_values, result_path
+from foldback.planner.pipeline.fold_layout import lacks_verdict, plan_values, result_path
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.module_values import values_in
@@ -129,18 +129,24 @@ def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
             artifacts = Artifacts(None, folder=Path(place))
             waits = FrameWaits()
             figures = FoldFigures(lambda fold: opened.enter_context(completed(fold.directory)))
+            verdicts = FoldFigures(
+                lambda fold: opened.enter_context(completed(fold.directory, "verdict")),
+                lacks=lacks_verdict,
+            )
             app.state.context = Viewing(
                 store=store,
                 timelines=TimelineViews(),
                 waits=waits,
                 artifacts=artifacts,
                 figures=figures,
+                verdicts=verdicts,
                 settings=None,
             )
             yield
             waits.close()
             artifacts.close()
             figures.close()
+            verdicts.close()
 
     app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None, lifespan=lifespan)
 

@@ -1,4 +1,4 @@
-"""Figures and moments of finished folds, computed when a page first asks for them."""
+"""Figures, moments and verdicts of finished folds, computed when a page first asks for them."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Final
 
 from foldback.planner.errors import UNREADABLE, PlannerError
-from foldback.planner.pipeline.fold_layout import lacks_derived_files
+from foldback.planner.pipeline.fold_layout import Derived, lacks_derived_files, lacks_verdict
 from foldback.planner.storage.file_names import (
     CERTIFICATE,
+    CHAIN,
     FORCES,
     PLAN,
     PLAYBACK,
@@ -41,10 +42,11 @@ log = logging.getLogger("foldback.figures")
 
 
 class FoldFigures:
-    """Figures and moments of finished folds. Belongs to one event loop.
+    """Files derived from finished folds: figures and moments, or a verdict. Of one event loop.
 
     Args:
         compute: Computes those of a fold, and returns the directory that they are in.
+        lacks: Returns True if the fold in a directory lacks them.
         total: Maximum number of folds for which they are computed or wait for it.
         per_visitor: Maximum number of these for one visitor.
     """
@@ -53,10 +55,12 @@ class FoldFigures:
         self,
         compute: Callable[[LocatedFold], Path],
         *,
+        lacks: Callable[[Path], bool] = lacks_derived_files,
         total: int = MAX_PENDING_FIGURES,
         per_visitor: int = MAX_PENDING_FIGURES,
     ) -> None:
         self._compute = compute
+        self._lacks_files = lacks
         self._flight = SingleFlight("plots", at_once=1, total=total, per_visitor=per_visitor)
         self._elsewhere: dict[Path, Path] = {}
         self._failed: set[Path] = set()
@@ -66,10 +70,10 @@ class FoldFigures:
         self._flight.close()
 
     async def of(self, located: LocatedFold, visitor: str | None = None) -> LocatedFold:
-        """Return a fold with its figures and moments; they are computed if they are missing.
+        """Return a fold with its derived files; they are computed if they are missing.
 
-        A fold that is running, whose files are damaged, or whose figures cannot be computed, is
-        returned without them.
+        A fold that is running, whose files are damaged, or whose derived files cannot be computed,
+        is returned without them.
 
         Args:
             located: The fold.
@@ -95,7 +99,7 @@ class FoldFigures:
         ):
             return False
         try:
-            return lacks_derived_files(located.directory)
+            return self._lacks_files(located.directory)
         except (PlannerError, *UNREADABLE):  # reported where the files are read
             return False
 
@@ -111,18 +115,23 @@ class FoldFigures:
             self._failed.add(directory)
 
 
-def figures_by(children: Children, settings: Settings, store: Store) -> FoldFigures:
-    """Return the figures of a service, which a child computes in the directory of its fold."""
+def figures_by(
+    children: Children, settings: Settings, store: Store, derived: Derived = "figures"
+) -> FoldFigures:
+    """Return the derived files of a service, which a child computes in the folder of its fold."""
+    lacks, sources = (
+        (lacks_derived_files, SOURCES) if derived == "figures" else (lacks_verdict, (CHAIN,))
+    )
 
     def compute(located: LocatedFold) -> Path:
         directory = located.directory
         if settings.read_only:
             return directory
         check_space(directory, settings.min_free_disk_bytes)
-        check(directory, *SOURCES)
+        check(directory, *sources)
         child = children.take()
         try:
-            child.call("figures", directory, wall_s=settings.stage_seconds)
+            child.call(derived, directory, wall_s=settings.stage_seconds)
         finally:
             children.release(child)
         try:
@@ -132,5 +141,8 @@ def figures_by(children: Children, settings: Settings, store: Store) -> FoldFigu
         return directory
 
     return FoldFigures(
-        compute, total=settings.files_waiting, per_visitor=settings.files_waiting_of_visitor
+        compute,
+        lacks=lacks,
+        total=settings.files_waiting,
+        per_visitor=settings.files_waiting_of_visitor,
     )

@@ -35,12 +35,14 @@ from foldback.server.store.estimates import expected_of_cost, plain_fold
 from foldback.server.store.fold_files import frames_promised
 from foldback.server.store.fold_source import LocatedFold
 from foldback.server.store.schema import FoldRow, request_of
+from foldback.server.viewing.fold_notes import full_size_of
 from foldback.words import certificate as certificate_words
 from foldback.words.certificate import TableWords
 from foldback.words.failures import AttemptWords, Failure, attempts, failure, tightest_frame
 from foldback.words.fold import RUNNING_STATUSES, ShownFold, has_motion, step_count
 from foldback.words.plan_choice import Choice, choice_of
 from foldback.words.properties import Properties, properties
+from foldback.words.reachability import FullSize
 from foldback.words.smoothing import BeforeAfter, smoothing_note, smoothing_rows
 from foldback.words.suggestions import (
     AGAIN_LABELS,
@@ -76,7 +78,7 @@ SHOWN_FILES: Final = (TIMELINE, CHAIN, CERTIFICATE, ATTEMPTS)
 
 SCRIPT_FACTS: Final = (
     *("id", "name", "running", "verdict", "failure", "choice", "again", "frames"),
-    *("tightest", "steps", "compare", "refold", "embed", "editable", "options"),
+    *("tightest", "steps", "compare", "refold", "embed", "editable", "options", "full_size"),
 )
 """Facts that the scripts of pages use."""
 
@@ -145,6 +147,7 @@ class FoldFacts(TypedDict):
     robot: bool
     files: list[Download]
     properties: list[Properties]
+    full_size: FullSize | None
     downloads: list[Download]
     downloads_hint: str
     checkable: bool
@@ -218,6 +221,7 @@ def fold_facts(
         "movies": list(movie_formats()) if editable else [],
         "robot": api and row.status == "verified",
         "files": [] if running else _files(located),
+        "full_size": full_size_of(located),
         "properties": properties(row, summary, certificate, directory),
         "downloads": _downloads(row, summary) if has_plan else [],
         "downloads_hint": NO_DOWNLOADS_YET if running else NO_DOWNLOADS,

@@ -17,14 +17,19 @@ from fastapi.responses import JSONResponse, Response
 
 from foldback.planner.parameters.parameters import FLOATING
 from foldback.planner.pipeline.fold_layout import result_path
-from foldback.planner.storage.file_names import TIMELINE
+from foldback.planner.storage.file_names import EXHAUSTION, TIMELINE
 from foldback.planner.verification.integrity import check
 from foldback.server.http.client_address import address_of
-from foldback.server.http.downloads import BINARY_MEDIA_TYPE, Asset, revalidated
+from foldback.server.http.downloads import BINARY_MEDIA_TYPE, Asset, download, revalidated
 from foldback.server.http.response_cache import mark
 from foldback.server.store.fold_source import FoldSource, LocatedFold
-from foldback.server.viewing.fold_lookup import found_fold, viewing_of, with_figures
-from foldback.server.viewing.fold_notes import steps_in, tour_of, values_of
+from foldback.server.viewing.fold_lookup import (
+    found_fold,
+    viewing_of,
+    with_figures,
+    with_verdict,
+)
+from foldback.server.viewing.fold_notes import full_size_of, steps_in, tour_of, values_of
 from foldback.web.timeline.figures import FIGURES, cached_figures
 from foldback.web.timeline.frame_batch import cached_batch
 from foldback.web.timeline.shared_views import unless_replaced
@@ -139,6 +144,33 @@ async def values(request: Request, fold_id: str) -> Response:
 async def steps(request: Request, fold_id: str) -> Response:
     """Return the steps of a fold for its pages; 204 if its plan does not rest between steps."""
     return await _stored(request, fold_id, lambda _, located: steps_in(located), derived=True)
+
+
+@router.get("/folds/{fold_id}/verdict.json")
+async def verdict(request: Request, fold_id: str) -> Response:
+    """Return whether turns at full size lead to the figure of a fold; 204 if it has no verdict.
+
+    It is computed on the first request.
+    """
+    located = await with_verdict(request, await asyncio.to_thread(found_fold, request, fold_id))
+    words = await asyncio.to_thread(full_size_of, located)
+    if words is None or not words["text"]:
+        return _nothing()
+    return JSONResponse(words, headers={"Cache-Control": "private, no-cache"})
+
+
+@router.get("/folds/{fold_id}/exhaustion.json")
+async def exhaustion(request: Request, fold_id: str) -> Response:
+    """Return the proof that single turns do not lead to the figure of a fold; 204 without one."""
+    located = await with_verdict(request, await asyncio.to_thread(found_fold, request, fold_id))
+
+    def answer() -> Response:
+        words, path = full_size_of(located), located.derived_dir / EXHAUSTION
+        if words is None or not words["has_proof"] or not path.exists():
+            return _nothing()
+        return download(path, "application/json", located.row.called, "-exhaustion.json")
+
+    return await asyncio.to_thread(answer)
 
 
 async def _stored(

@@ -34,9 +34,13 @@ SWAGGER_FILES: Final = ("swagger-ui-bundle.js", "swagger-ui.css")
 """Files of the package ``fastapi_offline`` that this service offers as static files, for the API
 documentation without internet access."""
 
-CHECKERS: Final = ("foldback_check.py", "foldback_check_refusals.py")
-"""Programs that prove a plan's clearance, or the reason of a failure, from files alone: visitors
-can download them."""
+CHECKERS: Final = (
+    "foldback_check.py",
+    "foldback_check_refusals.py",
+    "foldback_check_exhaustion.py",
+)
+"""Programs that prove from files alone a plan's clearance, the reason of a failure, or that no
+turns lead to a figure: visitors can download them."""
 
 
 ROBOTS_TXT: Final = """\

@@ -19,7 +19,7 @@ from fcntl import LOCK_EX, flock
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any, BinaryIO, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, BinaryIO, Final, NamedTuple, cast
 
 import psutil
 from setproctitle import setproctitle
@@ -32,6 +32,9 @@ from foldback.server.processes.landlock import Allowed, no_new_rights
 from foldback.server.processes.limits import memory_words
 from foldback.server.processes.sandbox import confine, confine_thread
 from foldback.server.processes.scratch import request_in
+
+if TYPE_CHECKING:
+    from foldback.planner.pipeline.fold_layout import Derived
 
 LOW_PRIORITY_KINDS: Final = ("stages", "movies", "retimer", "figures")
 """Kinds of computing processes that run with the configured niceness (a low priority), as no page
@@ -336,7 +339,7 @@ def _figures() -> Task:
     def run(request: Request, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
         del progress, cancelled
         try:
-            complete(request.directory)
+            complete(request.directory, cast("Derived", request.task))
         except PlannerError as error:
             raise InputError("no-figures", str(error)) from error
         settle(request.directory)

@@ -33,6 +33,7 @@ class Viewing:
         waits: Requests that wait for frames.
         artifacts: Files that are computed on request.
         figures: Figures and moments, which are computed on request.
+        verdicts: Verdicts on figures, which are computed on request.
         settings: Settings of the service; None in a viewer.
     """
 
@@ -41,6 +42,7 @@ class Viewing:
     waits: FrameWaits
     artifacts: Artifacts
     figures: FoldFigures
+    verdicts: FoldFigures
     settings: Settings | None
 
 
@@ -82,6 +84,15 @@ async def with_figures(request: Request, located: LocatedFold) -> LocatedFold:
         ServiceError: If too many are being computed, or the disk is full.
     """
     return await viewing_of(request).figures.of(located, address_of(request))
+
+
+async def with_verdict(request: Request, located: LocatedFold) -> LocatedFold:
+    """Return a fold with the verdict on its figure, if it can be computed: see ``FoldFigures``.
+
+    Raises:
+        ServiceError: If too many are being computed, or the disk is full.
+    """
+    return await viewing_of(request).verdicts.of(located, address_of(request))
 
 
 async def find_fold(request: Request, fold_id: str) -> LocatedFold | None:

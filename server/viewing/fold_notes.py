@@ -8,6 +8,7 @@ from foldback.planner.pipeline.fold_layout import stored_moments
 from foldback.server.store.fold_files import frames_promised
 from foldback.server.store.fold_source import FoldSource, LocatedFold
 from foldback.words.fold import RUNNING_STATUSES
+from foldback.words.reachability import FullSize, full_size
 from foldback.words.tour import draft_tour
 
 
@@ -37,6 +38,13 @@ def draft_of(located: LocatedFold) -> dict[str, Any] | None:
 def values_of(store: FoldSource, located: LocatedFold) -> dict[str, Any] | None:
     """Return the numbers that are stored with a fold as plain values; None without any."""
     return None if located.alternative_to else store.values(located.row.id)
+
+
+def full_size_of(located: LocatedFold) -> FullSize | None:
+    """Return the verdict on the figure of a fold; None while it runs, or if it gets none."""
+    if located.row.status in RUNNING_STATUSES or located.alternative_to is not None:
+        return None
+    return full_size(located.directory, located.derived_dir)
 
 
 def steps_in(located: LocatedFold) -> list[dict[str, Any]] | None:

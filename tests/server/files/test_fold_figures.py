@@ -1,4 +1,5 @@
 import asyncio
+import json
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -8,9 +9,21 @@ from unittest.mock import MagicMock, patch
 
 import pytest
 
-from foldback.planner.pipeline.fold_layout import lacks_derived_files
+from foldback import foldback_check_exhaustion
+from foldback.planner.pipeline.fold_layout import lacks_derived_files, lacks_verdict
 from foldback.planner.pipeline.manifest import read_manifest
-from foldback.planner.storage.file_names import DERIVED_FILES, PLAN, PLAYBACK, REQUEST, TIMELINE
+from foldback.planner.storage.file_names import (
+    CHAIN,
+    DERIVED_FILES,
+    EXHAUSTION,
+    PLAN,
+    PLAYBACK,
+    REQUEST,
+    START_CHAIN,
+    TIMELINE,
+    VERDICT,
+    VERDICT_FILES,
+)
 from foldback.server.files.fold_figures import FoldFigures, figures_by
 from foldback.server.processes.children import CRASHED, ChildError
 from foldback.server.settings import Settings
@@ -54,6 +67,67 @@ def test_nothing_is_computed_from_damaged_files(service: Service) -> None:
     assert fold.http.get(f"{fold.page}/figures").status_code == 204
     assert not any((fold.directory / name).exists() for name in DERIVED_FILES)
     assert "figures failed" in fold.service.log.read_text()
+
+
+def prisms(*angles_deg: int) -> str:
+    """Return the file of a chain of prisms."""
+    chain = {"format": "foldback-chain/1", "module": "snake-prism", "name": "hook"}
+    return json.dumps({**chain, "joint_angles_deg": angles_deg})
+
+
+def finished(service: Service, data: str) -> FinishedFold:
+    accepted = service.upload("hook.json", data).json()
+    return FinishedFold(service, accepted, [], service.wait_over(accepted["id"]))
+
+
+def test_locked_figure_has_a_verdict_and_a_proof(service: Service, tmp_path: Path) -> None:
+    fold = finished(service, prisms(0, 180, 180, 0))
+    assert fold.state["status"] == "verified"
+    assert not any((fold.directory / name).exists() for name in VERDICT_FILES)
+    assert '"text": "", "has_proof": false' in fold.http.get(fold.page).text
+    first, proof = (fold.http.get(f"{fold.page}/{name}") for name in VERDICT_FILES)
+    assert first.json()["has_proof"]
+    assert "prisms, of at most 0.8062 of the full size" in first.json()["text"]
+    assert "No sequence of single quarter turns leads there" in first.json()["text"]
+    assert proof.headers["content-disposition"] == 'attachment; filename="hook-exhaustion.json"'
+    (tmp_path / "proof.json").write_bytes(proof.content)
+    assert foldback_check_exhaustion.check(str(tmp_path / "proof.json"))["verdict"] == "proved"
+    program = fold.http.get("/static/foldback_check_exhaustion.py").content
+    assert program == Path(foldback_check_exhaustion.__file__).read_bytes()
+    assert first.json()["text"] in fold.http.get(f"{fold.page}?later").text
+    assert set(VERDICT_FILES) <= set(read_manifest(fold.directory) or ())
+    written = (fold.directory / VERDICT).stat().st_mtime_ns
+    assert fold.http.get(f"{fold.page}/verdict.json").json() == first.json()
+    assert (fold.directory / VERDICT).stat().st_mtime_ns == written
+
+    path = fold.directory / VERDICT
+    path.write_bytes(path.read_bytes().replace(b"smaller-modules", b"one-joint"))
+    for name in VERDICT_FILES:  # what differs from the manifest is not shown
+        assert fold.http.get(f"{fold.page}/{name}").status_code == 204
+
+
+def test_free_figure_has_no_proof_and_cubes_have_no_verdict(
+    service: Service, unseen: FinishedFold
+) -> None:
+    fold = finished(service, prisms(90, 0, 180))
+    verdict = fold.http.get(f"{fold.page}/verdict.json").json()
+    text = "One joint at a time leads there: 3 quarter turns."
+    assert verdict == {"text": text, "has_proof": False}
+    assert fold.http.get(f"{fold.page}/exhaustion.json").status_code == 204
+    assert not (fold.directory / EXHAUSTION).exists()
+    assert 'id="full-size"' not in unseen.http.get(unseen.page).text
+    for name in VERDICT_FILES:
+        assert unseen.http.get(f"{unseen.page}/{name}").status_code == 204
+        assert not (unseen.directory / name).exists()
+
+
+@pytest.mark.parametrize(("modules", "judged"), [(100, True), (101, False), (2, False)])
+def test_long_chains_have_no_verdict(modules: int, judged: bool, tmp_path: Path) -> None:
+    chain = {"module": "snake-prism", "modules": modules}
+    (tmp_path / CHAIN).write_text(json.dumps(chain))
+    assert lacks_verdict(tmp_path) is judged
+    (tmp_path / START_CHAIN).write_text("{}")  # a fold that begins with another figure
+    assert not lacks_verdict(tmp_path)
 
 
 @pytest.fixture

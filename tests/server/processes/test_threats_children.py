@@ -111,7 +111,7 @@ reading.check = retiming.retime = attack
 stand_in("foldback.server.processes.picture_task", draw=attack)
 stand_in(
     "foldback.planner.pipeline.derived_files",
-    complete=lambda place: (place / "report.json").write_text(json.dumps(attack(place))),
+    complete=lambda place, _: (place / "report.json").write_text(json.dumps(attack(place))),
 )
 staging.run_stage = lambda task, place, **_: attack(place)
 """

@@ -51,6 +51,7 @@ const failing = later(
   toast,
 );
 const dialogs = later(() => import("../panels/dialogs.js"), toast);
+const fullSize = later(() => import("../panels/full_size.js"), toast);
 const share = later(
   () => import("../panels/share.js").then(({ sharing }) => sharing(facts, { place, player })),
   toast,
@@ -145,6 +146,10 @@ function show(now) {
       "more-modules",
     ]))
       get(name).hidden = false;
+  if (now.full_size) {
+    const { full_size: verdict, id } = now;
+    fullSize(({ showFullSize }) => showFullSize(id, verdict));
+  }
   if (choice) choosing(({ showChoice }) => showChoice(choice, drawer, player));
   if (!now.running) {
     timeline.finish();
