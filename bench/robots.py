@@ -14,8 +14,10 @@ from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.readers.formats import read
+from foldback.planner.readers.gallery import gallery
 
-ROBOTS: Final = FilePath(__file__).parents[1] / "examples" / "robots"
+ROBOT_TAG: Final = "robot"
+"""Tag of their shapes in the gallery."""
 ROBOT_COUNT: Final = 5
 SHAPE_COUNT: Final = 3
 """Bar: number of robots, and of shapes that each folds into."""
@@ -27,8 +29,9 @@ def robots(reference_seconds: float) -> Section:
     """Fold each chain file of a published robot with the default options."""
     section = Section(name="robots")
     section.rows = [
-        _row(path.read_bytes(), path.name, reference_seconds)
-        for path in sorted(ROBOTS.glob("*.json"))
+        _row(shape.data, shape.filename, reference_seconds)
+        for shape in gallery()
+        if ROBOT_TAG in shape.tags
     ]
     verified: dict[str, int] = {}
     for row in section.rows:

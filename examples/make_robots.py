@@ -1,6 +1,7 @@
-"""Make the chain files of published robots: `python examples/make_robots.py`.
+"""Make the gallery's published robots: `python examples/make_robots.py`.
 
-Each robot folds into three shapes. `make bench ARGS="--only robots"` folds them.
+Each robot folds into three shapes. `run_gallery.py` folds them, and so does
+`make bench ARGS="--only robots"`.
 """
 
 from __future__ import annotations
@@ -15,7 +16,15 @@ from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.path import DEFAULT_PITCH_M
 from foldback.planner.plan.shape_writers import write_chain
 
-ROBOTS: Final = Path(__file__).parent / "robots"
+HERE = Path(__file__).parent
+TITLES: Final = {
+    "sea-snake": "SEA Snake",
+    "yamor": "YaMoR",
+    "polybot-g2": "PolyBot G2",
+    "molecube": "Molecubes",
+    "rofi": "RoFI",
+}
+"""Names of the robots for people."""
 ALTERNATING: Final = (1.0, 0.0, -1.0, 0.0)
 """Signs with which the hinges of one plane bend the same way, where each hinge is at a right angle
 to the one before it."""
@@ -59,19 +68,28 @@ SHAPES: Final[dict[str, dict[str, list[float]]]] = {
 """Joint angles of each shape of each robot, in degrees."""
 
 
-def main() -> None:
-    """Write one chain file for each shape."""
-    ROBOTS.mkdir(exist_ok=True)
+def chains() -> list[tuple[Chain, str, tuple[str, ...]]]:
+    """Return the chains with their titles and tags."""
+    labelled: list[tuple[Chain, str, tuple[str, ...]]] = []
     for robot, shapes in SHAPES.items():
         module = module_named(robot)
-        for name, angles in shapes.items():
+        for shape, angles in shapes.items():
             chain = Chain.from_angles(
                 module,
                 np.deg2rad(angles),
-                name=f"{robot}-{name}",
+                name=f"{robot}-{shape}",
                 pitch_m=module.pitch_m or DEFAULT_PITCH_M,
             )
-            (ROBOTS / f"{chain.name}.json").write_bytes(write_chain(chain))
+            title = f"{TITLES[robot]}, {shape.replace('-', ' ')}"
+            labelled.append((chain, title, ("robot",)))
+    return labelled
+
+
+def main() -> None:
+    """Write one chain file for each shape."""
+    for chain, title, tags in chains():
+        data = write_chain(chain, title=title, tags=tags)
+        (HERE / "shapes" / f"{chain.name}.json").write_bytes(data)
 
 
 if __name__ == "__main__":

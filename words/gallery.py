@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from foldback.planner.chain.built_in_modules import MODULE_NAMES, module_named
+from foldback.planner.chain.built_in_modules import DEFAULT_MODULE, MODULE_NAMES, module_named
 from foldback.planner.parameters.parameters import FLOATING, WORLD_CHOICES
+from foldback.words.quantities import sentence
 
 TAG_LABELS: Final = {
     "tool": "Tools",
@@ -24,11 +25,16 @@ TAG_LABELS: Final = {
     "sign": "Signs",
     "plant": "Plants",
     "snake": "Rubik’s snake",
-    "puzzle": "Snake cubes",
+    "puzzle": "Puzzles",
     "robot": "Robots",
     "paper": "From the paper",
 }
-CHAIN_LABELS: Final = {name: module_named(name).words.plural.capitalize() for name in MODULE_NAMES}
+CHAIN_LABELS: Final = {
+    name: sentence(module_named(name).words.plural)
+    if name == DEFAULT_MODULE or module_named(name).words != module_named(DEFAULT_MODULE).words
+    else f"{sentence(name.replace('-', ' '))}s"
+    for name in MODULE_NAMES
+}
 """Labels of the kinds of chains that foldback ships, by the names of their modules."""
 WORLD_LABELS: Final = {
     name: choice.label for name, choice in WORLD_CHOICES.items() if name != FLOATING

@@ -1,28 +1,17 @@
 """The stored chain files of robots, and the script that makes them."""
 
-from pathlib import Path
+from collections import Counter
 
-import pytest
-
-from examples import make_robots
-from foldback.planner.chain.chain import Chain
-from foldback.planner.readers.formats import read
+from examples.make_robots import HERE, chains
+from foldback.planner.plan.shape_writers import write_chain
 
 
-def test_stored_files_are_those_of_the_script(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    stored = make_robots.ROBOTS
-    monkeypatch.setattr(make_robots, "ROBOTS", tmp_path / "robots")
-    make_robots.main()
-    names = sorted(path.name for path in (tmp_path / "robots").iterdir())
-    assert names == sorted(path.name for path in stored.iterdir())
-    robots: dict[str, int] = {}
-    for name in names:
-        data = (tmp_path / "robots" / name).read_bytes()
-        assert data == (stored / name).read_bytes()
-        chain = read(data)
-        assert isinstance(chain, Chain) and len(chain) >= 8
+def test_stored_files_are_those_of_the_script() -> None:
+    labelled = chains()
+    for chain, title, tags in labelled:
+        stored = (HERE / "shapes" / f"{chain.name}.json").read_bytes()
+        assert write_chain(chain, title=title, tags=tags) == stored
+        assert len(chain) >= 8
         assert chain.module.document["source"]
-        robots[chain.module.name] = robots.get(chain.module.name, 0) + 1
+    robots = Counter(chain.module.name for chain, _, _ in labelled)
     assert robots == dict.fromkeys(("sea-snake", "yamor", "molecube", "polybot-g2", "rofi"), 3)

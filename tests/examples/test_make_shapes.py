@@ -3,7 +3,7 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 
-from examples import make_snakes, make_tetrahedra
+from examples import make_robots, make_snakes, make_tetrahedra
 from examples.make_gallery import drawings
 from examples.make_shapes import DRAWINGS, SHAPES, make, merged_blocks, snake
 from foldback.planner.chain.built_in_modules import TETRAHEDRON
@@ -30,7 +30,8 @@ def test_shape_files_visit_the_cells_of_their_drawings_and_are_up_to_date() -> N
 
 def test_each_shape_file_has_a_drawing() -> None:
     shape_names = [name for name, *_ in make_tetrahedra.SHAPES] + ["tetra-dodecahedron"]
-    shape_names += [chain.name for chain, _, _ in make_snakes.chains()]
+    chains = [*make_snakes.chains(), *make_robots.chains()]
+    shape_names += [chain.name for chain, _, _ in chains]
     drawn = [*(shape.name for shape in (*DRAWINGS, *drawings())), *shape_names]
     assert sorted(file.stem for file in SHAPES.glob("*.json")) == sorted(drawn)
 

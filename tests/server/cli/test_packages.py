@@ -1,5 +1,6 @@
 """Packages: imports in one direction only, and complete installation."""
 
+import json
 import os
 import re
 import shutil
@@ -19,6 +20,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 from docs.make_licences import installed
+from foldback.planner.chain.built_in_modules import CUBE
 from foldback.server.cli.command_line import COMMANDS, SERVICE_PACKAGES
 
 ROOT = Path(__file__).parents[3]
@@ -34,6 +36,7 @@ PLANNER_COMMANDS = (
     "shape mallet-24 --out path.json",
     "refold wrench path.json --out both",
     "servos --torque 3 --pitch-mm 40 --material pla",
+    "module module.json",
     "settings",
     "solve 3,2,2,3,2,3,2,2,3,3,2,2,2,3,3,3,3",
     "verdict lightsabre --file proof.json",
@@ -206,6 +209,7 @@ def test_installation_without_extras_runs_the_planner_and_its_commands(
 ) -> None:
     assert {line.split()[0] for line in PLANNER_COMMANDS} == set(COMMANDS) - set(SERVICE_PACKAGES)
     with installation(wheel, "", tmp_path) as run:
+        (tmp_path / "module.json").write_text(json.dumps(CUBE.document))
         assert run("python", "-c", ten_lines()).stdout.startswith("verified (simulated)\n")
         for line in PLANNER_COMMANDS:
             # The wrench is not made for a table.
