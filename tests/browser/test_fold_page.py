@@ -59,7 +59,7 @@ def test_page_polls_when_its_event_stream_is_refused(visit: Visit) -> None:
 @pytest.mark.parametrize("view", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_fold_is_inspected(visit: Visit, service: Service, wrench: str, view: bool) -> None:
     page = visit(f"/folds/{wrench}", height=480, view=view)
-    verdict = r"^Verified \(simulated\): modules stay at least \d+\.\d\s% .* apart · 24\smodules$"
+    verdict = r"^Verified \(simulated\): modules stay at least \d+\.\d\s% .* apart · 24\scubes$"
     expect(page.locator("#verdict")).to_have_text(re.compile(verdict))
     if view:  # otherwise the page's own drawing stays; its colours are the same
         page.locator("#sketch.gone").wait_for(state="attached")

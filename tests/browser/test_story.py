@@ -125,4 +125,4 @@ def test_typed_chain_folds_and_names_a_wrong_character(visit: Visit) -> None:
     page.locator("#angles").fill("- - - + - - - + - - -")
     page.keyboard.press("Enter")
     wait_for_fold(page)
-    expect(page.locator("#verdict")).to_have_text(re.compile(r"^Verified .* · 12\smodules$"))
+    expect(page.locator("#verdict")).to_have_text(re.compile(r"^Verified .* · 12\stetrahedra$"))

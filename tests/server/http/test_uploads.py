@@ -37,7 +37,7 @@ def test_bad_input_is_refused_with_code_and_where(idle: Service) -> None:
 
 def test_codes_of_snakes_and_snake_cubes_are_accepted(idle: Service) -> None:
     for text, name, module, modules in (
-        ("11331311313311331311313", "figure", "snake-prism", 24),
+        ("11331311313311331311313", "Ball", "snake-prism", 24),
         ("cube: 001010101111010111011011100", "Cubra Blue", "snake-cube", 27),
     ):
         with case(text):
