@@ -39,7 +39,7 @@ def test_all_known_figures_lie_on_the_lattice_and_are_free() -> None:
         state = np.array(figure.code.digits, np.int8)
         assert steps.resting_size(state)[0] > 1.0 - 1e-9, figure.name
         chain = Chain.from_angles(PRISM, np.pi / 2 * state.astype(float))
-        corners = np.einsum("nij,vj->nvi", chain.folded_poses.rotations, PRISM.vertices)
+        corners = np.einsum("nij,vj->nvi", chain.folded_poses.rotations, PRISM.pieces[0].corners)
         corners += chain.folded_poses.positions[:, None]
         corners = corners.reshape(-1, 3)
         extents = sorted(np.rint(np.ptp(_on_axes(corners), axis=0)).tolist())
