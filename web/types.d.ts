@@ -468,6 +468,7 @@ type TurningPart = Pick<PlanStep, "joints" | "moving" | "held">;
 interface FullSize {
   text: string;
   has_proof: boolean;
+  hint: string;
 }
 interface Facts {
   id: string;

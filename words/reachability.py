@@ -16,6 +16,7 @@ from foldback.planner.reachability.verdict_figures import (
 )
 from foldback.planner.storage.file_names import CHAIN, VERDICT_FILES
 from foldback.planner.verification.integrity import damaged_among
+from foldback.words.fold import ShownFold
 
 CHECK_HINT = (
     "Another program checks the proof in this file: python foldback_check_exhaustion.py {file}"
@@ -28,17 +29,20 @@ class FullSize(TypedDict):
     Attributes:
         text: The verdict; empty while it is computed.
         has_proof: True if a file proves that single turns do not lead there.
+        hint: Largest size for which turns are known, if a failed fold asked for more; or empty.
     """
 
     text: str
     has_proof: bool
+    hint: str
 
 
-def full_size(directory: Path, derived_dir: Path) -> FullSize | None:
+def full_size(row: ShownFold, directory: Path, derived_dir: Path) -> FullSize | None:
     """Return the verdict on the figure of a fold; None if its figure gets none.
 
     Args:
-        directory: Directory of the fold, which is over.
+        row: The fold, which is over.
+        directory: Directory of the fold.
         derived_dir: Directory of the verdict.
     """
     try:
@@ -50,9 +54,24 @@ def full_size(directory: Path, derived_dir: Path) -> FullSize | None:
         return None
     verdict = None if awaited else stored_verdict(derived_dir)
     if verdict is None:
-        return {"text": "", "has_proof": False}
+        return {"text": "", "has_proof": False, "hint": ""}
     lines = verdict_lines(verdict, module)
-    return {"text": " ".join(lines), "has_proof": verdict.exhaustion is not None}
+    if verdict.at_full_size is None:  # full size first
+        lines.reverse()
+    asked = row.module_size or module.default_size
+    hint = size_hint(verdict, module.words, asked) if row.status == "failed" else ""
+    return {"text": " ".join(lines), "has_proof": verdict.exhaustion is not None, "hint": hint}
+
+
+def size_hint(verdict: VerdictFigures, words: ModuleWords, asked: float) -> str:
+    """Return the largest size for which turns are known; empty if no more was asked for."""
+    sequence = verdict.at_full_size or verdict.smaller
+    if sequence is None or sequence.size >= asked:
+        return ""
+    return (
+        f"Turns are known only for {words.plural} of up to {size_text(sequence.size)} of the full "
+        f"size, but this fold asked for {asked:g}."
+    )
 
 
 def size_text(size: float) -> str:

@@ -44,7 +44,7 @@ def full_size_of(located: LocatedFold) -> FullSize | None:
     """Return the verdict on the figure of a fold; None while it runs, or if it gets none."""
     if located.row.status in RUNNING_STATUSES or located.alternative_to is not None:
         return None
-    return full_size(located.directory, located.derived_dir)
+    return full_size(located.row, located.directory, located.derived_dir)
 
 
 def steps_in(located: LocatedFold) -> list[dict[str, Any]] | None:

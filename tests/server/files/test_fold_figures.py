@@ -75,8 +75,8 @@ def prisms(*angles_deg: int) -> str:
     return json.dumps({**chain, "joint_angles_deg": angles_deg})
 
 
-def finished(service: Service, data: str) -> FinishedFold:
-    accepted = service.upload("hook.json", data).json()
+def finished(service: Service, data: str, **form: str) -> FinishedFold:
+    accepted = service.upload("hook.json", data, **form).json()
     return FinishedFold(service, accepted, [], service.wait_over(accepted["id"]))
 
 
@@ -84,7 +84,7 @@ def test_locked_figure_has_a_verdict_and_a_proof(service: Service, tmp_path: Pat
     fold = finished(service, prisms(0, 180, 180, 0))
     assert fold.state["status"] == "verified"
     assert not any((fold.directory / name).exists() for name in VERDICT_FILES)
-    assert '"text": "", "has_proof": false' in fold.http.get(fold.page).text
+    assert '"text": "", "has_proof": false, "hint": ""' in fold.http.get(fold.page).text
     first, proof = (fold.http.get(f"{fold.page}/{name}") for name in VERDICT_FILES)
     assert first.json()["has_proof"]
     assert "prisms, of at most 0.8062 of the full size" in first.json()["text"]
@@ -112,13 +112,24 @@ def test_free_figure_has_no_proof_and_cubes_have_no_verdict(
     fold = finished(service, prisms(90, 0, 180))
     verdict = fold.http.get(f"{fold.page}/verdict.json").json()
     text = "One joint at a time leads there: 3 quarter turns."
-    assert verdict == {"text": text, "has_proof": False}
+    assert verdict == {"text": text, "has_proof": False, "hint": ""}
     assert fold.http.get(f"{fold.page}/exhaustion.json").status_code == 204
     assert not (fold.directory / EXHAUSTION).exists()
     assert 'id="full-size"' not in unseen.http.get(unseen.page).text
     for name in VERDICT_FILES:
         assert unseen.http.get(f"{unseen.page}/{name}").status_code == 204
         assert not (unseen.directory / name).exists()
+
+
+def test_failed_fold_names_the_largest_size(service: Service) -> None:
+    fold = finished(
+        service, prisms(0, 180, 180, 0), module_size="0.9", strategy="turns", attempts="1"
+    )
+    assert fold.state["status"] == "failed"
+    hint = fold.http.get(f"{fold.page}/verdict.json").json()["hint"]
+    expected = "only for prisms of up to 0.8062 of the full size, but this fold asked for 0.9."
+    assert expected in hint
+    assert hint in fold.http.get(fold.page).text
 
 
 @pytest.mark.parametrize(("modules", "judged"), [(100, True), (101, False), (2, False)])

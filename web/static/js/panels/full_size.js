@@ -2,7 +2,8 @@
 import { ask } from "../lib/api.js";
 import { get } from "../lib/text.js";
 
-// Show the verdict, and the proof if single turns do not lead to the figure.
+// Show the verdict, the proof if single turns do not lead to the figure, and the largest size on
+// the card of a failed fold.
 /**
  * @param {string} id
  * @param {FullSize} stored
@@ -20,4 +21,8 @@ export async function showFullSize(id, stored) {
   const verdict = stored.text ? stored : await ask(`/folds/${id}/verdict.json`).catch(() => null);
   say(verdict?.text ?? "");
   get("exhaustion").hidden = !verdict?.has_proof;
+  if (verdict?.hint && get("stuck-size")) {
+    get("stuck-size").textContent = verdict.hint;
+    get("stuck-size").hidden = false;
+  }
 }
