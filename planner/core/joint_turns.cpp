@@ -59,9 +59,12 @@ struct Placement {
   Point position;
 };
 
-// A convex part of a module: corners about the module's centroid, and unit vectors.
+// A convex part of a module: corners about the module's centroid, unit vectors, and a ball around
+// it.
 struct ConvexPart {
   std::vector<Point> corners, normals, edges;
+  Point middle;
+  double radius;
 };
 
 struct RigidPiece {
@@ -110,6 +113,16 @@ void place_part(const ConvexPart &part, const Placement &pose, PosedPart &placed
   turn_all(part.edges, placed.edges);
 }
 
+// True if the balls around two parts stay apart, at every size, while they move by at most `slack`
+// relative to each other: what separates the balls at full size separates the centroids as well.
+bool balls_stay_apart(const ConvexPart &a, const Placement &pose_a, const ConvexPart &b,
+                      const Placement &pose_b, double slack) {
+  Point centroids = pose_b.position - pose_a.position;
+  Point gap = centroids + rotated(pose_b.rotation, b.middle) - rotated(pose_a.rotation, a.middle);
+  double distance = norm_of(gap);
+  return distance >= a.radius + b.radius + slack && dot(gap, centroids) >= distance * slack;
+}
+
 // Smallest and largest projection of points.
 std::pair<double, double> range_along(const std::vector<Point> &points, const Point &axis) {
   double low = INFINITE, high = -INFINITE;
@@ -121,11 +134,13 @@ std::pair<double, double> range_along(const std::vector<Point> &points, const Po
   return {low, high};
 }
 
-// Size of two placed parts, at most 1. The search for a larger one stops at `enough`.
-PoseSize size_of(const PosedPart &a, const PosedPart &b, double enough) {
+// Size of two placed parts, at most 1. To `work` the number of projected corners is added.
+PoseSize size_of(const PosedPart &a, const PosedPart &b, Index &work) {
+  const Index corners = static_cast<Index>(a.corners.size() + b.corners.size());
   const Point gap = b.centre - a.centre;
   PoseSize best{-INFINITE, {0.0, 0.0, 1.0}};
   auto try_axis = [&](const Point &axis) {
+    work += corners;
     auto [low_a, high_a] = range_along(a.corners, axis);
     auto [low_b, high_b] = range_along(b.corners, axis);
     double along = dot(axis, gap);
@@ -136,7 +151,7 @@ PoseSize size_of(const PosedPart &a, const PosedPart &b, double enough) {
     };
     try_side(along, high_a - low_b, 1.0);
     try_side(-along, high_b - low_a, -1.0);
-    return best.size >= enough;
+    return best.size >= 1.0;
   };
   for (const Point &axis : a.normals)
     if (try_axis(axis)) return best;
@@ -179,7 +194,7 @@ struct WayInterval {
 // Size of the turn of a piece about the z axis by an angle beside a piece at rest. Below `floor`
 // any value may be returned that is not below the true one.
 TurnSize size_of_turn(const RigidPiece &moving, const Placement &from, const RigidPiece &resting,
-                      const Placement &at, double angle, double floor) {
+                      const Placement &at, double angle, double floor, Index &work) {
   TurnSize least{1.0, -1, -1, 0.0};
   PosedPart a, b;
   Twist twist{{0.0, 0.0, angle}, {0.0, 0.0, 0.0}, 0.0};
@@ -196,9 +211,11 @@ TurnSize size_of_turn(const RigidPiece &moving, const Placement &from, const Rig
         waiting.pop_back();
         Rotation turn = turn_about_z(angle * middle);
         Placement now{multiply(turn, from.rotation), rotated(turn, from.position)};
-        if (norm_of(at.position - now.position) - reach - speed * half >= 0.0) continue;
+        if (norm_of(at.position - now.position) - reach - speed * half >= 0.0 ||
+            balls_stay_apart(part, now, other, at, speed * half))
+          continue;
         place_part(part, now, a);
-        PoseSize pose = size_of(a, b, INFINITE);
+        PoseSize pose = size_of(a, b, work);
         if (pose.size < least.size) least = {pose.size, -1, -1, middle};
         if (least.size < floor) return least;
         if (half < MIN_INTERVAL || stay_apart(a, b, pose, least.size - SIZE_TOLERANCE, twist, half))
@@ -407,6 +424,9 @@ class JointTurns {
   Index seen_poses() const { return static_cast<Index>(seen_.size()); }
   Index known_pairs() const { return static_cast<Index>(sizes_.size()); }
 
+  // Number of corners that were projected on axes since the beginning: what sizes cost.
+  Index work() const { return work_; }
+
   // Sum of the least steps of all hinges from one state to another.
   Index steps_between(const std::int8_t *from, const std::int8_t *to) const {
     Index sum = 0;
@@ -450,6 +470,7 @@ class JointTurns {
   std::vector<double> step_angles_;
   Index apart_;
   double radius_ = 0.0;
+  Index work_ = 0;
 
   std::vector<double> angles_;
   PosedPart moving_, resting_;
@@ -472,9 +493,18 @@ JointTurns::JointTurns(const TurningChain &chain) : apart_(chain.apart) {
     for (Index q = hull.pieces(p, 0); q < hull.pieces(p, 1); ++q) {
       piece.parts.push_back({points_of(hull.vertices, hull.parts(q, 0), hull.parts(q, 1)),
                              points_of(hull.normals, hull.parts(q, 2), hull.parts(q, 3)),
-                             points_of(hull.edges, hull.parts(q, 4), hull.parts(q, 5))});
+                             points_of(hull.edges, hull.parts(q, 4), hull.parts(q, 5)),
+                             {0.0, 0.0, 0.0},
+                             0.0});
       for (const Point &corner : piece.parts.back().corners)
         piece.radius = std::max(piece.radius, norm_of(corner));
+    }
+    for (ConvexPart &part : piece.parts) {
+      // The ball of a piece's only part is that of the piece.
+      double share = piece.parts.size() > 1 ? 1.0 / static_cast<double>(part.corners.size()) : 0.0;
+      for (const Point &corner : part.corners) part.middle = part.middle + scaled(corner, share);
+      for (const Point &corner : part.corners)
+        part.radius = std::max(part.radius, norm_of(corner - part.middle));
     }
     radius_ = std::max(radius_, piece.radius);
     pieces_.push_back(std::move(piece));
@@ -525,9 +555,10 @@ TurnSize JointTurns::resting_size(double floor) {
         continue;
       for (const ConvexPart &part : first.parts)
         for (const ConvexPart &other : second.parts) {
+          if (balls_stay_apart(part, poses_[i], other, poses_[j], 0.0)) continue;
           place_part(part, poses_[i], a);
           place_part(other, poses_[j], b);
-          double size = size_of(a, b, 1.0).size;
+          double size = size_of(a, b, work_).size;
           if (size < least.size) least = {size, i, j, 0.0};
           if (least.size < floor) return least;
         }
@@ -578,8 +609,8 @@ JointTurns::KnownSize JointTurns::pair_size(Index moving, Index resting, Index h
   if (number < 0) {
     const SeenPose &a = seen_[moving], &b = seen_[resting];
     double angle = static_cast<double>(change) * hinges_[hinge].step;
-    TurnSize size =
-        size_of_turn(pieces_[a.piece], a.pose, pieces_[b.piece], b.pose, angle, MIN_TURN_SIZE);
+    TurnSize size = size_of_turn(pieces_[a.piece], a.pose, pieces_[b.piece], b.pose, angle,
+                                 MIN_TURN_SIZE, work_);
     number = static_cast<Index>(sizes_.size());
     size_keys_.push_back(key);
     sizes_.push_back({static_cast<float>(size.size), static_cast<float>(size.place)});
@@ -631,9 +662,10 @@ bool JointTurns::check_pair(Index i, Index j, const WayInterval &interval, Appro
   bool is_proved = true;
   for (const ConvexPart &part : mover.parts)
     for (const ConvexPart &rest : other.parts) {
+      if (balls_stay_apart(part, poses_[j], rest, poses_[i], interval.half * fastest)) continue;
       place_part(part, poses_[j], moving_);
       place_part(rest, poses_[i], resting_);
-      PoseSize pose = size_of(moving_, resting_, INFINITE);
+      PoseSize pose = size_of(moving_, resting_, work_);
       if (pose.size < least.size) least = {pose.size, i, j, interval.middle};
       is_proved = is_proved && stay_apart(moving_, resting_, pose, least.size - SIZE_TOLERANCE,
                                           approach.twist, interval.half);
@@ -733,12 +765,13 @@ struct TurnSearch {
   double near_weight;     // of a pair of modules near each other
   Index together;         // hinges that turn at once where no single one leads on
   Index max_states, max_motions;
+  Index max_work;  // corners that are projected on axes; 0 for no limit
   Index seed;
 };
 
 auto fields(TurnSearch &s) {
   return std::tie(s.size, s.min_size, s.depth_weight, s.near_weight, s.together, s.max_states,
-                  s.max_motions, s.seed);
+                  s.max_motions, s.max_work, s.seed);
 }
 
 // Search from a state for a goal, nearest states first. Where no turn leads on, several hinges are
@@ -754,6 +787,7 @@ class StateSearch {
         limits_(limits),
         states_(turns.hinges()),
         size_(limits.size),
+        first_work_(turns.work()),
         random_(mixed(static_cast<std::uint64_t>(limits.seed) + 1)),
         before_(turns.hinges()),
         after_(turns.hinges()) {
@@ -762,7 +796,7 @@ class StateSearch {
 
   SearchOutcome run() {
     while (reached_ < 0) {
-      if (states_.size() >= limits_.max_states || motions_ > limits_.max_motions) return STOPPED;
+      if (states_.size() >= limits_.max_states || is_over()) return STOPPED;
       if (!waiting_.empty()) {
         Index state = waiting_.top().state;
         waiting_.pop();
@@ -782,11 +816,17 @@ class StateSearch {
     double next = deferred_.empty() ? next_size_ : std::max(next_size_, deferred_.top().size);
     return named_tuple("TurnSearchResult", static_cast<Index>(outcome),
                        owned_array(std::move(way), {turns, hinges_}),
-                       owned_array(std::move(all), {rows, hinges_}), count, tried_, motions_, size_,
-                       next);
+                       owned_array(std::move(all), {rows, hinges_}), count, tried_, motions_,
+                       turns_.work() - first_work_, size_, next);
   }
 
  private:
+  // True if the motions or the work of the search are used up.
+  bool is_over() const {
+    return motions_ > limits_.max_motions ||
+           (limits_.max_work > 0 && turns_.work() - first_work_ > limits_.max_work);
+  }
+
   struct Waiting {
     float score;
     std::uint32_t order;
@@ -832,6 +872,7 @@ class StateSearch {
       for (Index change : {-1, 1}) {
         if (!turns_.turned(before_.data(), hinge, change, after_.data())) continue;
         if (states_.find(after_.data()) >= 0) continue;
+        if (is_over()) return;
         ++tried_;
         double floor = std::min(std::max(next_size_, limits_.min_size), size_);
         double size = turns_.turn_size(hinge, change, floor).size;
@@ -854,7 +895,7 @@ class StateSearch {
         std::copy(states_[next], states_[next] + hinges_, before_.begin());
         HingeSteps turns;
         choose(next++, turns, 0);
-        if (!waiting_.empty() || motions_ > limits_.max_motions) return true;
+        if (!waiting_.empty() || is_over()) return true;
       }
     return false;
   }
@@ -871,6 +912,7 @@ class StateSearch {
   }
 
   void try_motion(Index state, const HingeSteps &turns) {
+    if (is_over()) return;
     Levels levels = before_;
     for (const HingeStep &turn : turns) {
       if (!turns_.turned(levels.data(), turn.hinge, turn.change, after_.data())) return;
@@ -908,6 +950,7 @@ class StateSearch {
   std::priority_queue<Waiting> waiting_;
   std::priority_queue<Deferred> deferred_;
   double size_, next_size_ = 0.0;
+  const Index first_work_;
   Index nearest_ = 0, nearest_steps_ = INT64_MAX, reached_ = -1, tried_ = 0, motions_ = 0;
   Index count_ = 2, next_states_[MAX_TOGETHER - 1] = {};
   std::uint64_t random_;
@@ -970,6 +1013,7 @@ nanobind::object search_turns(JointTurns &turns, View<const std::int8_t, 1> star
   require(start.size() == turns.hinges() && goal.size() == start.size(), "start, goal: (J,)");
   require(limits.together >= 1 && limits.together <= MAX_TOGETHER, "search.together: 1 to 3");
   require(limits.max_states >= 1 && limits.max_states < (1 << 30), "search.max_states: 1 to 2^30");
+  require(limits.max_work >= 0, "search.max_work: 0 or more");
   require(limits.min_size >= MIN_TURN_SIZE && limits.size <= 1.0, "search.size: 0.5 to 1");
   StateSearch search(turns, start.data(), goal.data(), limits);
   return search.result(search.run());

@@ -1172,6 +1172,7 @@ class TurnSearch(NamedTuple):
         together: Maximum number of hinges that turn at once where no single one leads on, 1 to 3.
         max_states: Number of states after which the search stops.
         max_motions: Number of motions of several hinges after which it stops.
+        max_work: Work of computing sizes after which it stops; 0 for no limit.
         seed: Seed of the order of states with the same score.
     """
 
@@ -1182,6 +1183,7 @@ class TurnSearch(NamedTuple):
     together: int
     max_states: int
     max_motions: int
+    max_work: int
     seed: int
 
 
@@ -1196,6 +1198,7 @@ class TurnSearchResult(NamedTuple):
         count: Number of states that can be reached, as far as they were tried.
         tried: Number of turns that were tried.
         motions: Number of motions of several hinges at once that were tried.
+        work: Number of corners that were projected on axes to compute sizes.
         size: Size at which all turns of the way are free.
         next_size: Largest size of a turn that was not free; 0 for none.
     """
@@ -1206,6 +1209,7 @@ class TurnSearchResult(NamedTuple):
     count: int
     tried: int
     motions: int
+    work: int
     size: float
     next_size: float
 

@@ -41,7 +41,7 @@ from foldback.planner.parameters.published import PaperExplosionParameters
 from foldback.planner.pathfinding.removal_analysis import analyse_removal
 from foldback.planner.progress import Cancelled, Report, never, silent
 from foldback.planner.simulation.mujoco_chain import refuse_long_chain
-from foldback.planner.turns.step_turning import turns_in_steps
+from foldback.planner.turns.step_turning import MAX_WORK, turns_in_steps
 from foldback.planner.turns.turn_sequence import LATTICE_TURNINGS
 
 BLOCKS_FROM_MODULES: Final = 160
@@ -258,6 +258,7 @@ def run_strategy(
             at_once=1 if strategy == BASELINE else parameters.at_once,
             seed=seed,
             roomy=roomy,
+            max_work=MAX_WORK if parameters.strategy == AUTO else 0,
             sink=sink,
             cancelled=cancelled,
         )

@@ -36,6 +36,7 @@ def unfold_in_turns(
     at_once: int | None,
     seed: int,
     roomy: bool = False,
+    max_work: int = 0,
     sink: Callable[[Motion], None] | None = None,
     cancelled: Cancelled = never,
 ) -> Record:
@@ -48,12 +49,19 @@ def unfold_in_turns(
         at_once: Maximum number of hinges that turn in one step; None for no limit.
         seed: Seed of the search.
         roomy: True for turns with the most room alone, in few steps.
+        max_work: Work after which the search by the joints' steps stops; 0 for no limit.
         sink: Receives the snapshots.
         cancelled: Polled between turns.
     """
     start_s = time.perf_counter()
     turns = find_turns(
-        chain, module_size=module_size, at_once=at_once, seed=seed, roomy=roomy, cancelled=cancelled
+        chain,
+        module_size=module_size,
+        at_once=at_once,
+        seed=seed,
+        roomy=roomy,
+        max_work=max_work,
+        cancelled=cancelled,
     )
     status: RecordStatus = "straight"
     reason: Reason | None = None

@@ -37,6 +37,7 @@ class StateSearch:
         states: (S, J) all states if every one was tried, else none.
         count: Number of states.
         tried: Number of turns, and of motions of several hinges, that were tried.
+        work: Number of corners that were projected on axes to compute sizes.
         size: Size of the modules at which the turns of the way are free. If it is smaller than the
             first one, every state that can be reached at any larger size was tried.
         next_size: Largest size of a turn that was not free; 0 for none.
@@ -48,6 +49,7 @@ class StateSearch:
     states: Levels
     count: int
     tried: int
+    work: int
     size: float
     next_size: float
 
@@ -176,6 +178,7 @@ class HingeSteps:
         together: int = 1,
         max_states: int,
         max_motions: int = 100_000,
+        max_work: int = 0,
         depth_weight: float = DEPTH_WEIGHT,
         seed: int = 0,
     ) -> StateSearch:
@@ -188,6 +191,7 @@ class HingeSteps:
             together: Maximum number of hinges that turn at once where no single one leads on.
             max_states: Number of states after which the search stops.
             max_motions: Number of motions of several hinges after which it stops.
+            max_work: Work of computing sizes after which it stops; 0 for no limit.
             depth_weight: Weight of a turn made in the score of a state; with 1 or less and no other
                 weight, the first way is a shortest one.
             seed: Seed of the order of equal states.
@@ -201,6 +205,7 @@ class HingeSteps:
             together=together,
             max_states=max_states,
             max_motions=max_motions,
+            max_work=max_work,
             seed=seed,
         )
         search = self._turns.search(start, goal, limits)
@@ -211,6 +216,7 @@ class HingeSteps:
             states=search.states,
             count=search.count,
             tried=search.tried + search.motions,
+            work=search.work,
             size=search.size,
             next_size=search.next_size,
         )

@@ -21,6 +21,10 @@ MAX_MOTIONS: Final = 5_000
 """Maximum number of motions of several hinges that a search tries."""
 SIZE_RESOLUTION: Final = 0.01
 """Difference of two sizes, fractions of the full one, between which none is tried."""
+MAX_WORK: Final = 800_000_000
+"""Maximum number of corners that searches for turns project on axes unless turns were asked for:
+about two seconds. 60 figures of 24 prisms need 432 million at most:
+docs/decisions/0066-turns-by-steps.md."""
 MAX_TOGETHER: Final = 3
 """Maximum number of hinges that a search turns at once where no single one leads on."""
 
@@ -34,16 +38,24 @@ class Way:
         states: (T + 1, J) states.
         size: Size of the modules at which all turns are free.
         expanded: Number of states that were tried.
+        work: Number of corners that were projected on axes to compute sizes.
     """
 
     reached: bool
     states: Levels
     size: float
     expanded: int
+    work: int
 
 
 def roomiest_way(
-    steps: HingeSteps, start: Levels, *, min_size: float, together: bool, seed: int
+    steps: HingeSteps,
+    start: Levels,
+    *,
+    min_size: float,
+    together: bool,
+    seed: int,
+    max_work: int = 0,
 ) -> Way:
     """Return turns from a state to straight that are free for modules as large as possible.
 
@@ -55,12 +67,15 @@ def roomiest_way(
         min_size: Smallest size of the modules.
         together: True if several hinges may turn at once where no single one leads on.
         seed: Seed of the searches.
+        max_work: Work of computing sizes after which the searches stop; 0 for no limit.
     """
-    expanded = 0
-    best = Way(reached=False, states=start[None], size=min_size, expanded=0)
+    expanded = work = 0
+    best = Way(reached=False, states=start[None], size=min_size, expanded=0, work=0)
 
     def search(size: float, count: int = 1) -> Way:
-        nonlocal expanded
+        nonlocal expanded, work
+        if 0 < max_work <= work:
+            return replace(best, reached=False, expanded=expanded, work=work)
         result = steps.search(
             start,
             np.zeros_like(start),
@@ -68,11 +83,19 @@ def roomiest_way(
             together=count,
             max_states=MAX_STATES,
             max_motions=MAX_MOTIONS,
+            max_work=max(max_work - work, 0),
             seed=seed,
         )
         expanded += result.count
+        work += result.work
         free = min(1.0, steps.way_size(result.way)) if result.reached else size
-        return Way(reached=result.reached, states=result.way, size=free, expanded=expanded)
+        return Way(
+            reached=result.reached,
+            states=result.way,
+            size=free,
+            expanded=expanded,
+            work=work,
+        )
 
     for count in (1, MAX_TOGETHER) if together else (1,):
         widest, high = search(1.0, count), 1.0
@@ -88,7 +111,7 @@ def roomiest_way(
                 high = size
         if best.reached:
             break
-    return replace(best, expanded=expanded)
+    return replace(best, expanded=expanded, work=work)
 
 
 class StepTurning:
@@ -110,17 +133,21 @@ class StepTurning:
         self.size = module_size
         self._inner = 2.0 * chain.module.inner_radius
         self._steps = HingeSteps(chain.module, len(chain), wraps=False)
-        self._turning = HingeSteps(chain.module, len(chain))
+        # Where no hinge turns freely, both are the same states.
+        wraps = bool(np.isinf(chain.ranges_rad).any())
+        self._turning = HingeSteps(chain.module, len(chain)) if wraps else self._steps
         self.step_rad: Array = self._steps.step_rad
         self.folded: Levels = self._steps.levels(chain.folded_rad)
 
-    def way(self, *, together: bool, seed: int) -> Way:
+    def way(self, *, together: bool, seed: int, max_work: int = 0) -> Way:
         """Return turns from folded to straight, with the most room.
 
         Args:
             together: True if several hinges may turn at once where no single one leads on.
             seed: Seed of the searches.
+            max_work: Work of computing sizes after which they stop; 0 for no limit.
         """
+        left = max_work
         for steps in (self._turning, self._steps):
             way = roomiest_way(
                 steps,
@@ -128,10 +155,14 @@ class StepTurning:
                 min_size=self.size,
                 together=together,
                 seed=seed,
+                max_work=left,
             )
             levels = np.rint(steps.angles(way.states) / self.step_rad).astype(np.int8)
             if way.reached and np.array_equal(levels[0], self.folded):
                 return replace(way, states=levels)
+            left -= way.work
+            if steps is self._steps or (max_work and left <= 0):
+                break
         return replace(way, reached=False, states=levels)
 
     def room(self, size: float) -> float:
@@ -176,7 +207,9 @@ def unwound(chain: Chain, *, module_size: float, seed: int) -> Chain:
         return chain
     steps = HingeSteps(chain.module, len(chain))
     figure = steps.levels(chain.folded_rad)
-    way = roomiest_way(steps, figure, min_size=module_size, together=True, seed=seed)
+    way = roomiest_way(
+        steps, figure, min_size=module_size, together=True, seed=seed, max_work=MAX_WORK
+    )
     if not way.reached:
         return chain
     folded = steps.angles(way.states)[0]

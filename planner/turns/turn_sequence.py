@@ -65,6 +65,7 @@ def find_turns(
     at_once: int | None,
     seed: int,
     roomy: bool = False,
+    max_work: int = 0,
     cancelled: Cancelled = never,
 ) -> TurnSequence | NoTurns:
     """Search for the turns that fold a chain, and merge them into steps.
@@ -78,10 +79,13 @@ def find_turns(
         at_once: Maximum number of hinges that turn in one step; None for no limit.
         seed: Seed of the search.
         roomy: True to search with the most room alone.
+        max_work: Work after which the search by the joints' steps stops; 0 for no limit.
         cancelled: Polled before each turn.
     """
     if chain.module.filling not in LATTICE_TURNINGS:
-        return _find_steps(chain, module_size=module_size, at_once=at_once, seed=seed)
+        return _find_steps(
+            chain, module_size=module_size, at_once=at_once, seed=seed, max_work=max_work
+        )
     turning = LATTICE_TURNINGS[chain.module.filling](chain, module_size)
     search = RoomSearch(
         chain, turning, pairs=at_once != 1, roomy=roomy, seed=seed, cancelled=cancelled
@@ -107,11 +111,11 @@ def find_turns(
 
 
 def _find_steps(
-    chain: Chain, *, module_size: float, at_once: int | None, seed: int
+    chain: Chain, *, module_size: float, at_once: int | None, seed: int, max_work: int
 ) -> TurnSequence | NoTurns:
     """Search for turns by the joints' steps, with the most room that there is."""
     turning = StepTurning(chain, module_size)
-    way = turning.way(together=at_once != 1, seed=seed)
+    way = turning.way(together=at_once != 1, seed=seed, max_work=max_work)
     if not way.reached:
         angles = turning.step_rad * way.states.astype(float)
         angles[0] = chain.folded_rad

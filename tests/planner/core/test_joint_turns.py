@@ -19,6 +19,7 @@ SEARCH = TurnSearch(
     together=1,
     max_states=100,
     max_motions=100,
+    max_work=0,
     seed=0,
 )
 STATE = np.array([0, 2, 2, 0], np.int8)
@@ -65,6 +66,7 @@ def test_wrong_arguments_of_methods_are_refused() -> None:
     for limits in (
         SEARCH._replace(together=4),
         SEARCH._replace(max_states=0),
+        SEARCH._replace(max_work=-1),
         SEARCH._replace(size=1.5),
         SEARCH._replace(min_size=0.1),
     ):

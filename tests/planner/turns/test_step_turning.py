@@ -13,7 +13,15 @@ from foldback.planner.explosion.strategies import ranked_strategies
 from foldback.planner.pipeline.fold import fold
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.plan.steps import steps_of
-from foldback.planner.turns.step_turning import turns_in_steps, unwound
+from foldback.planner.readers.formats import read
+from foldback.planner.turns.hinge_steps import HingeSteps
+from foldback.planner.turns.step_turning import (
+    MAX_WORK,
+    StepTurning,
+    roomiest_way,
+    turns_in_steps,
+    unwound,
+)
 from foldback.planner.turns.turn_sequence import NoTurns, TurnSequence, find_turns
 from foldback.planner.twist_chains.figures import snake_figure
 from foldback.planner.twist_chains.folded_chains import snake_chain
@@ -92,3 +100,27 @@ def test_a_snake_is_folded_turn_by_turn_at_its_own_size(tmp_path: Path) -> None:
     assert plan.certificate.module_size == SIZE
     assert len(steps_of(plan).steps) == 4
     assert foldback_check.check(str(tmp_path / "snake" / "plan.npz"))["verdict"] == "proved"
+
+
+def test_a_search_stops_at_its_work_and_says_how_much_it_took() -> None:
+    turning = StepTurning(chain_of("0220"), SIZE)
+    start = turning.folded
+    steps = HingeSteps(chain_of("0220").module, 5)
+    whole = roomiest_way(steps, start, min_size=SIZE, together=True, seed=0)
+    assert whole.reached
+    fresh = HingeSteps(chain_of("0220").module, 5)
+    limit = whole.work // 2
+    part = roomiest_way(fresh, start, min_size=SIZE, together=True, seed=0, max_work=limit)
+    assert not part.reached
+    assert limit < part.work < whole.work
+    assert not turning.way(together=False, seed=0, max_work=limit).reached
+
+
+def test_auto_folds_modules_of_several_parts_with_little_work() -> None:
+    path = Path(__file__).parents[3] / "examples" / "robots" / "molecube-coil.json"
+    chain = read(path.read_bytes(), filename=path.name)
+    assert isinstance(chain, Chain)
+    size = FoldRequest().parameters(chain.module).module_size
+    way = StepTurning(chain, size).way(together=False, seed=0, max_work=MAX_WORK)
+    assert way.reached
+    assert way.work < 0.2 * MAX_WORK
