@@ -1,11 +1,12 @@
 """Failed folds: the reason in words, the frame of the failure, and the stalled modules."""
 
+import json
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page, expect
 
-from foldback import foldback_check_refusals
+from foldback import foldback_check_exhaustion, foldback_check_refusals
 from tests.browser.conftest import (
     Visit,
     picture,
@@ -127,3 +128,19 @@ def test_failed_baseline_offers_the_default_preset(visit: Visit) -> None:
     page.locator("#again", has_text="Try with the default preset").click()
     page.wait_for_url(lambda url: "/folds/" in url and url != before)
     expect(page.locator("#verdict")).to_have_attribute("data-tone", "good")
+
+
+def test_fold_without_turns_names_the_largest_size(visit: Visit, service: Service) -> None:
+    chain = {"format": "foldback-chain/1", "module": "snake-prism"}
+    locked = json.dumps({**chain, "joint_angles_deg": [0, 180, 180, 0]})
+    options = {"module_size": 0.9, "strategy": "turns"}
+    fold = service.upload("locked.json", locked, **options).json()["id"]
+    assert service.wait_over(fold)["status"] == "failed"
+    page = wait_for_view(visit(f"/folds/{fold}", **LAPTOP))
+    expect(page.locator("#stuck-size")).to_contain_text("only for prisms of up to 0.8062")
+    page.locator("#details").click()
+    expect(page.locator("#full-size")).to_contain_text("No sequence of single quarter turns")
+    expect(page.locator("#full-size")).to_contain_text("of at most 0.8062 of the full size")
+    with page.expect_download() as proof:
+        page.get_by_role("link", name="Download the proof").click()
+    assert foldback_check_exhaustion.check(str(proof.value.path()))["verdict"] == "proved"

@@ -25,6 +25,7 @@ def test_service_command_line_and_memory_compute_the_same(
     options = ("--seed", "3", "--strategy", "simultaneous")
     assert foldback("fold", file, "--out", directory, *options).returncode == 0
     complete(directory)
+    assert finished.http.get(f"{finished.page}/figures").status_code == 200
     computed = digests(finished.directory)
     assert digests(directory) == computed
 
