@@ -117,7 +117,7 @@ def test_a_search_stops_at_its_work_and_says_how_much_it_took() -> None:
 
 
 def test_auto_folds_modules_of_several_parts_with_little_work() -> None:
-    path = Path(__file__).parents[3] / "examples" / "robots" / "molecube-coil.json"
+    path = Path(__file__).parents[3] / "examples" / "shapes" / "molecube-coil.json"
     chain = read(path.read_bytes(), filename=path.name)
     assert isinstance(chain, Chain)
     size = FoldRequest().parameters(chain.module).module_size
