@@ -42,11 +42,11 @@ def shown_fold(timeline_path: Path) -> Iterator[Shown]:
 
 def colours(shown_fold: Shown) -> np.ndarray:
     """Return the (n, 3) linear bytes that clients were sent."""
-    return np.asarray(shown_fold._scene._modules[0].batched_colors)
+    return np.asarray(shown_fold._scene._modules[0][1].batched_colors)
 
 
 def positions(shown_fold: Shown) -> np.ndarray:
-    return np.asarray(shown_fold._scene._modules[0].batched_positions) / shown_fold._scene.pitch
+    return np.asarray(shown_fold._scene._modules[0][1].batched_positions) / shown_fold._scene.pitch
 
 
 def distances(positions: np.ndarray) -> np.ndarray:
