@@ -1195,7 +1195,7 @@ class TurnSearchResult(NamedTuple):
             search stopped before.
         way: (T + 1, J) states to the goal, or to the one with the fewest turns left.
         states: (S, J) all states if every one was tried, else none.
-        count: Number of states that can be reached, as far as they were tried.
+        state_count: Number of states that can be reached, as far as they were tried.
         tried: Number of turns that were tried.
         motions: Number of motions of several hinges at once that were tried.
         work: Number of corners that were projected on axes to compute sizes.
@@ -1206,7 +1206,7 @@ class TurnSearchResult(NamedTuple):
     outcome: int
     way: Levels
     states: Levels
-    count: int
+    state_count: int
     tried: int
     motions: int
     work: int

@@ -214,7 +214,7 @@ class HingeSteps:
             exhausted=search.outcome == 1,
             way=search.way,
             states=search.states,
-            count=search.count,
+            count=search.state_count,
             tried=search.tried + search.motions,
             work=search.work,
             size=search.size,
