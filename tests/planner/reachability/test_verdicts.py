@@ -52,7 +52,7 @@ def test_a_figure_that_one_joint_at_a_time_leads_to() -> None:
     assert verdict.sequence.size > 1.0 - 1e-6
     assert verdict.exhaustion is None
     assert turns_are_free(verdict)
-    assert verdict_lines(verdict, PRISM.words, 90.0) == [
+    assert verdict_lines(verdict.figures(), PRISM) == [
         f"One joint at a time leads there: {verdict.sequence.turns} quarter turns."
     ]
 
@@ -66,7 +66,7 @@ def test_a_figure_for_smaller_modules_alone() -> None:
     assert verdict.exhaustion is not None
     assert (verdict.exhaustion.modules, len(verdict.exhaustion.states)) == (5, 1)
     assert turns_are_free(verdict)
-    lines = verdict_lines(verdict, PRISM.words, 90.0)
+    lines = verdict_lines(verdict.figures(), PRISM)
     assert lines[0].startswith(
         "One joint at a time leads there with smaller prisms, of at most 0.8062 of the full size"
     )
