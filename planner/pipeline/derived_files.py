@@ -104,8 +104,12 @@ def _write_figures(directory: FilePath, target: FilePath) -> None:
         write_json(target / MOMENTS, moments.as_dict())
 
 
-def _write_verdict(directory: FilePath, target: FilePath) -> None:
-    """Write whether turns lead to the figure of a fold into a directory, and the proof if not."""
+def write_verdict(directory: FilePath, target: FilePath) -> None:
+    """Write whether turns lead to the figure of a fold into a directory, and the proof if not.
+
+    Raises:
+        InputError: Its figure is not one that gets a verdict.
+    """
     chain = Workspace(directory).read_chain()
     decision = Decider(chain.module, chain.folded_rad).verdict()
     if decision.exhaustion is None:
@@ -135,5 +139,5 @@ class _Kind:
 
 _KINDS: Final[Mapping[Derived, _Kind]] = {
     "figures": _Kind(lacks_derived_files, _write_figures, DERIVED_FILES),
-    "verdict": _Kind(lacks_verdict, _write_verdict, VERDICT_FILES),
+    "verdict": _Kind(lacks_verdict, write_verdict, VERDICT_FILES),
 }

@@ -18,6 +18,8 @@ from foldback.planner.certificate.table_forces import TableForces
 from foldback.planner.errors import UNREADABLE, InputError, PlannerError
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.parameters.explosion import MUJOCO
+from foldback.planner.pipeline.derived_files import write_verdict
+from foldback.planner.pipeline.fold_layout import judged_module
 from foldback.planner.pipeline.playing_back import play_back
 from foldback.planner.pipeline.search import Watch, is_smoothing
 from foldback.planner.pipeline.workspace import Workspace
@@ -43,6 +45,7 @@ from foldback.planner.storage.file_names import (
     RECORDED_PLAN,
     REQUEST,
     TIMELINE,
+    VERDICT_FILES,
 )
 from foldback.planner.storage.files import json_of
 from foldback.planner.verification.origin import own_attempt
@@ -190,6 +193,22 @@ def plots_differ(directory: FilePath, plan: Plan, notes: list[str]) -> Differenc
                 yield from _moments_differ(directory, timeline, plan, recomputed_path)
     except (*UNREADABLE, PlannerError) as error:
         yield f"{' and '.join(stored)} cannot be computed again ({error})"
+
+
+def verdict_differs(directory: FilePath) -> Differences:
+    """Yield the differences of the verdict on the figure of a fold from one computed again."""
+    names = " and ".join(VERDICT_FILES)
+    if judged_module(directory) is None:
+        yield f"{names}: the figure of this fold is not one that gets a verdict"
+        return
+    try:
+        with TemporaryDirectory(prefix="foldback-verify-") as place:
+            write_verdict(directory, FilePath(place))
+            for name in VERDICT_FILES:
+                expected = json_of(FilePath(place) / name)
+                yield from value_differences(json_of(directory / name), expected, name)
+    except (*UNREADABLE, PlannerError) as error:
+        yield f"{names} cannot be computed again ({error})"
 
 
 def _curves_differ(stored: FilePath, recomputed: FilePath) -> Differences:

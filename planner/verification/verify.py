@@ -39,6 +39,7 @@ from foldback.planner.storage.file_names import (
     PLAN_TEXT,
     RECORDED_PLAN,
     TIMELINE,
+    VERDICT_FILES,
 )
 from foldback.planner.storage.output_directory import finish_replacement
 from foldback.planner.verification.certificate_figures import ReportedFigures
@@ -53,6 +54,7 @@ from foldback.planner.verification.repeated import (
     plots_differ,
     robots_differ,
     smoothing_differs,
+    verdict_differs,
     why_not_repeated,
 )
 from foldback.planner.verification.replay import Replay, replay, replay_differs, stride_of
@@ -241,6 +243,11 @@ def _verified(
         findings.look(
             "moments.json and the curves of the plots were computed again and match",
             plots_differ(directory, plan, findings.notes),
+        )
+    if any((directory / name).exists() for name in VERDICT_FILES):
+        findings.look(
+            "verdict.json and exhaustion.json were computed again and match",
+            verdict_differs(directory),
         )
     opinion = _opinion(directory, npz, certificate, findings) if third_opinion else None
     reason = _reason(directory, plan, findings)

@@ -108,6 +108,7 @@ def row_of(directory: Path) -> ShownFold:
         preset=str(request.get("preset") or plan.get("preset") or ""),
         settings=_settings(request.get("preset"), request.get("settings")),
         seed=int(request.get("seed", plan.get("seed")) or 0),
+        module_size=request.get("module_size"),
         world=str(request.get("world") or FLOATING),
         refold=start["name"] if (start := plan.get("start")) else None,
         smooths=PLAYED_FOLD_ID if plan.get("smoothing") else None,

@@ -9,10 +9,16 @@ from foldback.planner.errors import DamagedError
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.pipeline import derived_files
 from foldback.planner.pipeline.derived_files import complete, completed
-from foldback.planner.pipeline.fold_layout import lacks_derived_files, stored_moments
-from foldback.planner.pipeline.manifest import FILE, changed_fields, read_manifest
-from foldback.planner.storage.file_names import DERIVED_FILES, FIGURES, MOMENTS
+from foldback.planner.pipeline.fold_layout import (
+    lacks_derived_files,
+    lacks_verdict,
+    stored_moments,
+    stored_verdict,
+)
+from foldback.planner.pipeline.manifest import FILE, changed_fields, read_manifest, write_manifest
+from foldback.planner.storage.file_names import CHAIN, DERIVED_FILES, FIGURES, MOMENTS, VERDICT
 from foldback.planner.verification.integrity import check, damaged_among
+from foldback.planner.verification.repeated import verdict_differs
 from foldback.planner.verification.stored_fold import read_fold
 from foldback.planner.verification.verify import verify
 from tests.planner.folds import run_fold
@@ -99,3 +105,35 @@ def test_folder_that_cannot_be_written_stays_as_it_is(
         assert len(Figures.load(derived_dir / FIGURES))
     assert not derived_dir.exists()
     assert sorted(path.name for path in directory.iterdir()) == before
+
+
+def test_verdict_is_made_once_and_a_forged_one_is_found(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chain = {"format": "foldback-chain/1", "module": "snake-prism"}
+    data = json.dumps({**chain, "joint_angles_deg": [0, 180, 180, 0]}).encode()
+    directory = tmp_path / "fold"
+    run_fold(directory, data)
+    with monkeypatch.context() as patched:
+        patched.setattr(derived_files, "refuses_writing", lambda _: True)
+        with completed(directory, "verdict") as derived_dir:
+            assert derived_dir != directory and stored_verdict(derived_dir) is not None
+    assert lacks_verdict(directory)
+    complete(directory, "verdict")
+    verdict = stored_verdict(directory)
+    assert verdict is not None and verdict.smaller is not None
+    assert (verdict.kind, round(verdict.smaller.size, 3)) == ("smaller-modules", 0.806)
+    assert not lacks_verdict(directory) and changed_fields(directory) == []
+    verification = verify(directory)
+    assert verification.problems == ()
+    assert any("exhaustion.json were computed again" in line for line in verification.checked)
+
+    path = directory / VERDICT
+    path.write_bytes(path.read_bytes().replace(b"smaller-modules", b"one-joint"))
+    write_manifest(directory)
+    assert any("verdict.json.kind" in problem for problem in verify(directory).problems)
+    chain_path = directory / CHAIN  # cubes get no verdict
+    chain_path.write_bytes(chain_path.read_bytes().replace(b'"snake-prism"', b'"cube"'))
+    assert [*verdict_differs(directory)] == [
+        "verdict.json and exhaustion.json: the figure of this fold is not one that gets a verdict"
+    ]
