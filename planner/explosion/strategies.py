@@ -170,7 +170,10 @@ def _possible(chain: Chain, parameters: Parameters, refolds: bool) -> tuple[str,
 def _preferred(chain: Chain) -> tuple[str, ...]:
     """Return the strategies for a chain, the best first."""
     if chain.module.filling not in LATTICE_TURNINGS and _turns(chain):
-        return (BASELINE, TURNS, "simultaneous")
+        # Turns of several hinges at once begin with the search for single turns, which costs the
+        # more, the more parts there are: docs/decisions/0066-turns-by-steps.md.
+        one_part = all(len(piece.parts) == 1 for piece in chain.module.pieces)
+        return (BASELINE, TURNS, "simultaneous") if one_part else (BASELINE, "simultaneous")
     if not on_lattice(chain):
         return ("simultaneous",)
     modules = len(chain)

@@ -21,9 +21,9 @@ MAX_MOTIONS: Final = 5_000
 """Maximum number of motions of several hinges that a search tries."""
 SIZE_RESOLUTION: Final = 0.01
 """Difference of two sizes, fractions of the full one, between which none is tried."""
-MAX_WORK: Final = 800_000_000
+MAX_WORK: Final = 600_000_000
 """Maximum number of corners that searches for turns project on axes unless turns were asked for:
-about two seconds. 60 figures of 24 prisms need 432 million at most:
+about a second. 60 figures of 24 prisms need 224 million at most:
 docs/decisions/0066-turns-by-steps.md."""
 MAX_TOGETHER: Final = 3
 """Maximum number of hinges that a search turns at once where no single one leads on."""

@@ -28,6 +28,7 @@ from foldback.planner.twist_chains.folded_chains import snake_chain
 from foldback.planner.twist_chains.snake_code import SnakeCode
 
 SIZE = 0.8
+SHAPES = Path(__file__).parents[3] / "examples" / "shapes"
 
 
 def chain_of(digits: str) -> Chain:
@@ -117,10 +118,19 @@ def test_a_search_stops_at_its_work_and_says_how_much_it_took() -> None:
 
 
 def test_auto_folds_modules_of_several_parts_with_little_work() -> None:
-    path = Path(__file__).parents[3] / "examples" / "shapes" / "molecube-coil.json"
+    path = SHAPES / "molecube-coil.json"
     chain = read(path.read_bytes(), filename=path.name)
     assert isinstance(chain, Chain)
     size = FoldRequest().parameters(chain.module).module_size
     way = StepTurning(chain, size).way(together=False, seed=0, max_work=MAX_WORK)
     assert way.reached
     assert way.work < 0.2 * MAX_WORK
+
+
+def test_auto_looks_for_motions_of_several_hinges_for_modules_of_one_part_alone() -> None:
+    for name, turns in (("molecube-coil", False), ("yamor-spiral", True)):
+        path = SHAPES / f"{name}.json"
+        chain = read(path.read_bytes(), filename=path.name)
+        assert isinstance(chain, Chain)
+        ranked = ranked_strategies(chain, FoldRequest().parameters(chain.module))
+        assert ranked == ("one-by-one", *(["turns"] if turns else []), "simultaneous")
