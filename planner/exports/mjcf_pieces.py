@@ -9,6 +9,7 @@ and their values are the plan's angles.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -77,27 +78,37 @@ def _lines(chain: Chain, module_size: float) -> Iterator[str]:
     yield f'  <default><geom {alike}{surface}/><site size="0.02" group="4"/></default>'
     yield "  <worldbody>"
 
-    def inertial(index: int, mass: float) -> str:
-        moments = _numbers(module.piece(index).inertia * mass)
+    @cache
+    def inertial(piece: int, mass: float) -> str:
+        moments = _numbers(module.pieces[piece].inertia * mass)
         return f'<inertial pos="0 0 0" mass="{mass!r}" diaginertia="{moments}"/>'
 
     def named(index: int) -> str:
         geoms = (
             f'<geom name="module_{index}{f"_{k}" if k else ""}"{"" if is_single else f" {shape}"}/>'
-            for k, shape in enumerate(shapes[module.pattern[index % len(module.pattern)]])
+            for k, shape in enumerate(shapes[numbers[index]])
         )
         return f'{"".join(geoms)}<site name="module_{index}"/>'
 
+    def linked(index: int) -> str:
+        place, hinges = links[rows[index - 1]]
+        names = zip(hinge_names(chain, index - 1), hinges, strict=False)
+        return place + "".join(f'<joint name="{name}" {hinge}/>' for name, hinge in names)
+
+    modules = np.arange(count)
     masses = module.masses(count).tolist()
+    numbers = module.piece_numbers[modules % len(module.pattern)].tolist()
+    rows, links = module.joint.row(modules).tolist(), _links(module)
     for k, start in enumerate(starts):
         stop = starts[k + 1] if k + 1 < len(starts) else count
         yield f'<body name="module_{start}"><freejoint name="root_{start}"/>'
-        yield f"{inertial(start, 0.5 * masses[start] if k else masses[start])}{named(start)}"
+        yield f"{inertial(numbers[start], masses[start] * (0.5 if k else 1.0))}{named(start)}"
         for i in range(start + 1, stop):
-            yield f'<body name="module_{i}" {_linked(chain, i)}{inertial(i, masses[i])}{named(i)}'
+            mass = inertial(numbers[i], masses[i])
+            yield f'<body name="module_{i}" {linked(i)}{mass}{named(i)}'
         if stop < count:
-            half = inertial(stop, 0.5 * masses[stop])
-            yield f'<body name="ghost_{stop}" {_linked(chain, stop)}{half}</body>'
+            half = inertial(numbers[stop], 0.5 * masses[stop])
+            yield f'<body name="ghost_{stop}" {linked(stop)}{half}</body>'
         yield "</body>" * (stop - start)
     yield "  </worldbody>"
     yield "  <contact>"
@@ -113,18 +124,23 @@ def _lines(chain: Chain, module_size: float) -> Iterator[str]:
     yield "  </equality>"
 
 
-def _linked(chain: Chain, index: int) -> str:
-    """Return the pose of the body of a module in that of the module before it, and its hinges."""
-    anchor, axes, turn, offset = chain.module.link(index - 1)
-    names = hinge_names(chain, index - 1)
-    stops = chain.module.stops_behind(index - 1)
-    hinges = "".join(
-        f'<joint name="{name}" pos="{_numbers(-offset)}" axis="{_numbers(turn.T @ axis)}" '
-        f'range="{_numbers(ends)}"/>'
-        for name, axis, ends in zip(names, axes, stops, strict=False)
-    )
-    place = _numbers(anchor + turn @ offset)
-    return f'pos="{place}" quat="{_numbers(wxyz_from_matrix(turn))}">{hinges}'
+def _links(module: Module) -> list[tuple[str, list[str]]]:
+    """Return the pose of a body in that of the one before it, and its hinges but for their names.
+
+    One of each row of ``Module.joint``, as long chains have many links of few kinds.
+    """
+    joint = module.joint
+    columns = (joint.anchor, joint.axes, joint.turn, joint.offset)
+    stops = module.stops_behind(module.joint_holders)
+    links: list[tuple[str, list[str]]] = []
+    for anchor, axes, turn, offset, ranges in zip(*columns, stops, strict=True):
+        place = _numbers(anchor + turn @ offset)
+        hinges = [
+            f'pos="{_numbers(-offset)}" axis="{_numbers(turn.T @ axis)}" range="{_numbers(ends)}"'
+            for axis, ends in zip(axes, ranges, strict=True)
+        ]
+        links.append((f'pos="{place}" quat="{_numbers(wxyz_from_matrix(turn))}">', hinges))
+    return links
 
 
 def _shapes(module: Module, module_size: float) -> tuple[list[str], list[list[str]]]:
