@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from foldback.planner.chain.built_in_modules import DEFAULT_MODULE, MODULE_NAMES, module_named
+from foldback.planner.chain.built_in_modules import DEFAULT_MODULE, MODULE_NAMES, words_named
 from foldback.planner.parameters.parameters import FLOATING, WORLD_CHOICES
 from foldback.words.quantities import sentence
 
@@ -30,8 +30,8 @@ TAG_LABELS: Final = {
     "paper": "From the paper",
 }
 CHAIN_LABELS: Final = {
-    name: sentence(module_named(name).words.plural)
-    if name == DEFAULT_MODULE or module_named(name).words != module_named(DEFAULT_MODULE).words
+    name: sentence(words_named(name, None).plural)
+    if name == DEFAULT_MODULE or words_named(name, None) != words_named(DEFAULT_MODULE, None)
     else f"{sentence(name.replace('-', ' '))}s"
     for name in MODULE_NAMES
 }

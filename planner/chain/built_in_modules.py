@@ -9,7 +9,7 @@ from functools import lru_cache
 from importlib.resources import files
 from typing import Any, Final
 
-from foldback.planner.chain.module import Module, ModuleWords
+from foldback.planner.chain.module import Filling, Module, ModuleWords
 from foldback.planner.chain.module_file import read_module
 from foldback.planner.errors import InputError
 
@@ -23,9 +23,14 @@ DEFAULT_MODULE: Final = MODULE_NAMES[0]
 
 
 @lru_cache(maxsize=len(MODULE_NAMES))
-def _module(name: str) -> Module:
+def _document(name: str) -> dict[str, Any]:
     text = files("foldback.planner.modules").joinpath(f"{name}.json").read_text(encoding="utf-8")
-    return read_module(json.loads(text))
+    return json.loads(text)
+
+
+@lru_cache(maxsize=len(MODULE_NAMES))
+def _module(name: str) -> Module:
+    return read_module(_document(name))
 
 
 def module_named(name: str) -> Module:
@@ -42,17 +47,25 @@ def module_named(name: str) -> Module:
     return _module(name)
 
 
+def filling_named(name: str) -> Filling | None:
+    """Return how the module of that name, which foldback ships, fills space; builds no geometry."""
+    return _document(name).get("filling")
+
+
 def described_words(module: Module) -> dict[str, str] | None:
     """Return the words to store beside a module's name; None for one that foldback ships."""
     return None if module.name in MODULE_NAMES else asdict(module.words)
 
 
 def words_named(name: str, words: Mapping[str, str] | None) -> ModuleWords:
-    """Return what a module is called of which only the name and ``described_words`` are stored."""
-    if words is not None:
-        return ModuleWords(**words)
-    # A name that this version does not know is one that an older or newer version shipped.
-    return module_named(name).words if name in MODULE_NAMES else ModuleWords("module", "modules")
+    """Return what a module is called of which only the name and ``described_words`` are stored.
+
+    Builds no geometry.
+    """
+    if words is None and name not in MODULE_NAMES:
+        # One that an older or newer version shipped.
+        return ModuleWords("module", "modules")
+    return ModuleWords(**(_document(name)["words"] if words is None else words))
 
 
 def module_value(module: Module) -> str | dict[str, Any]:

@@ -6,7 +6,13 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any, Final, Self
 
-from foldback.planner.chain.built_in_modules import DEFAULT_MODULE, MODULE_NAMES, module_named
+from foldback.planner.chain.built_in_modules import (
+    DEFAULT_MODULE,
+    MODULE_NAMES,
+    filling_named,
+    module_named,
+    words_named,
+)
 from foldback.planner.chain.module import Module
 from foldback.planner.parameters.option import Choice, Choices, option, options_of
 from foldback.planner.parameters.parameters import FLOATING, WORLD_CHOICES, World
@@ -24,9 +30,9 @@ MAX_TABLE_MODULES: Final = 96
 larger ones mostly get stuck. Measured: tori of 88 and 96 fold in six to eight minutes of processor
 time, one of 160 gets stuck (decision 0026)."""
 MODULE_CHOICES: Final[Choices] = {
-    name: Choice(label=module_named(name).words.plural.capitalize())
+    name: Choice(label=words_named(name, None).plural.capitalize())
     for name in MODULE_NAMES
-    if module_named(name).filling in FILLINGS
+    if filling_named(name) in FILLINGS
 }
 """Kinds of modules that a shape can be made of."""
 
