@@ -7,6 +7,7 @@ from foldback.planner.chain.built_in_modules import (
     CUBE,
     MODULE_NAMES,
     described_words,
+    filling_named,
     module_named,
     words_named,
 )
@@ -35,6 +36,7 @@ def test_words_of_described_modules_are_stored_beside_their_name() -> None:
     for name in MODULE_NAMES:
         assert described_words(module_named(name)) is None
         assert words_named(name, None) == module_named(name).words
+        assert filling_named(name) == module_named(name).filling
     described = replace(CUBE, name="roller-mk2", words=ROLLER)
     assert words_named("roller-mk2", described_words(described)) == ROLLER
     assert words_named("of-another-version", None).counted(2) == "2 modules"

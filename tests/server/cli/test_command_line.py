@@ -157,11 +157,14 @@ def test_each_process_starts_without_packages_of_others(
     """
     (tmp_path / "path.json").write_text(json.dumps([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]))
     code = STEPS + "".join(f"{step}; print('=', *sys.modules)\n" for step in steps)
+    code += "from foldback.planner.chain.built_in_modules import _module\n"
+    code += "print('shipped modules:', _module.cache_info().currsize)\n"
     output = run_python("-P", "-c", code, cwd=tmp_path)
     sizes = [line for line in output.splitlines() if line.startswith("= ")]
     for (step, without), words in zip(steps.items(), sizes, strict=True):
         assert not set(words.split()) & without, step
     assert (tmp_path / "fold" / "plan.npz").exists() == any("fold'" in step for step in steps)
+    assert "shipped modules: 2\n" in output, "cubes and tetrahedra alone are built at once"
 
 
 @pytest.mark.usefixtures("process_state")
