@@ -89,7 +89,7 @@ def _compute(
     else:
         first, lumps = stretch.first, stretch.lumps
         joint, count = module.joint.window(first), hinges // module.hinges_per_joint + 1
-    masses = module.masses(first + count)[first:]
+    masses = module.masses(count, first)
     model = ChainModel(joint, masses, module.moments, lumps, False, 0)
     read = [np.ascontiguousarray(array) for array in motion]
 

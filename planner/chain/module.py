@@ -272,10 +272,13 @@ class Module:
         """Mean volume of a period's pieces, in cubic pitches."""
         return float(np.mean([self.pieces[k].volume for k in self.pattern]))
 
-    def masses(self, modules: int) -> Array:
-        """Return the (modules,) masses of a chain's modules, in mean masses of a period."""
-        volumes = np.array([self.pieces[k].volume for k in self.pattern]) / self.volume
-        return np.resize(volumes, modules)
+    def masses(self, modules: int, first: int = 0) -> Array:
+        """Return the (modules,) masses of a chain's modules from ``first`` on.
+
+        In mean masses of a period.
+        """
+        volumes = np.array([piece.volume for piece in self.pieces]) / self.volume
+        return volumes[self.piece_numbers[(first + np.arange(modules)) % len(self.pattern)]]
 
     @cached_property
     def radius(self) -> float:

@@ -158,7 +158,8 @@ class WindowRobot(ServoChain):
         masses = self.errors.masses[core : tail + 1]
         lumps = self._ends.lumps(core, tail)
         model = ChainModel(module.joint.window(core), masses, module.moments, lumps, False, 0)
-        self.engine = Engine(model, self.chain.stops_rad()[self._hinges])
+        stops = self.chain.stops_rad(joints=slice(first, first + joints))
+        self.engine = Engine(model, stops)
         folded_position, folded_rotation = self._ends.folded_pose(core)
         self.state = State.at_rest(
             angles, position + rotation @ folded_position, rotation @ folded_rotation
