@@ -74,6 +74,11 @@ def module_value(module: Module) -> str | dict[str, Any]:
     return module.name if is_built_in else module.document
 
 
+def document_of(value: str | dict[str, Any]) -> dict[str, Any]:
+    """Return the description that ``module_value`` stands for, unchecked; builds no geometry."""
+    return _document(value) if isinstance(value, str) else value
+
+
 def module_of(value: str | dict[str, Any]) -> Module:
     """Return the module that ``module_value`` stands for; equal descriptions give the same one.
 

@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
-from foldback.planner.chain.built_in_modules import DEFAULT_MODULE, module_named, module_of
+from foldback.planner.chain.built_in_modules import DEFAULT_MODULE, document_of, words_named
 from foldback.planner.chain.module import ModuleWords
 from foldback.planner.errors import InputError
 
@@ -45,7 +45,7 @@ class GalleryShape:
     data: bytes
     tags: tuple[str, ...] = ()
     module: str = DEFAULT_MODULE
-    words: ModuleWords = module_named(DEFAULT_MODULE).words
+    words: ModuleWords = words_named(DEFAULT_MODULE, None)
     rests_within: float | None = None
 
     @property
@@ -136,18 +136,18 @@ def _shape(entry: Path, resting: dict[str, float]) -> GalleryShape:
     data = entry.read_bytes()
     content = json.loads(data)
     name = entry.name.removesuffix(".json")
-    module = module_of(content.get("module", DEFAULT_MODULE))
+    module = document_of(content.get("module", DEFAULT_MODULE))
     if "cells" in content:
         modules = len(content["cells"])
     else:
-        modules = len(content["joint_angles_deg"]) + 1 + module.rigid_links
+        modules = len(content["joint_angles_deg"]) + 1 + module.get("rigid_links", 0)
     title = str(content.get("title") or content.get("name") or name)
     return GalleryShape(
         name=name,
         title=title.removesuffix(f", {modules} modules"),
         modules=modules,
-        module=module.name,
-        words=module.words,
+        module=module["name"],
+        words=ModuleWords(**module["words"]),
         tags=tuple(map(str, content.get("tags", DEFAULT_TAGS))),
         data=data,
         rests_within=resting.get(name),
