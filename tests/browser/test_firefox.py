@@ -156,7 +156,11 @@ def firefox(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Firefox]:
         program.terminate()
 
 
-@pytest.mark.parametrize("webgl", [True, False], ids=["webgl", "no-webgl"])
+@pytest.mark.parametrize(
+    "webgl",
+    [pytest.param(True, marks=pytest.mark.long), False],
+    ids=["webgl", "no-webgl"],
+)
 def test_fold_page_in_firefox(firefox: Firefox, service: Service, wrench: str, webgl: bool) -> None:
     with firefox.tab(webgl=webgl):
         _use(firefox, f"{str(service.http.base_url).rstrip('/')}/folds/{wrench}", webgl)

@@ -90,6 +90,7 @@ OUT_OF_SIGHT = """selector => [...document.querySelectorAll(selector)].filter((p
 """Returns the texts of elements that are outside of the window, or behind something."""
 
 
+@pytest.mark.long
 def test_lossy_shape_says_so_at_first_sight(visit: Visit, service: Service) -> None:
     # A thin plate with a thin post.
     plate, post = ((0.0, 0.0, 0.0), (2.0, 2.0, 0.2)), ((0.0, 0.0, 0.0), (0.2, 0.2, 3.0))

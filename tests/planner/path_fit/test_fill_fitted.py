@@ -43,6 +43,7 @@ def iou(preparation: Preparation) -> float:
     return preparation.likeness.iou
 
 
+@pytest.mark.long
 def test_auto_takes_a_fitted_path_where_it_pays(fitted_ring: Preparation) -> None:
     ring, blocks = prepared(torus()), prepared(torus(), method="blocks")
     assert ring.method == "fitted" and blocks.method == "blocks"
@@ -107,6 +108,7 @@ def test_a_path_that_misses_the_exact_number_is_ranked_last_and_refused() -> Non
         check_exact(31, 32)
 
 
+@pytest.mark.long
 def test_auto_fits_a_path_for_a_table() -> None:
     # The cells that look most like it have no path that rises from the floor.
     ring = {"modules": 32, "world": "table"}
@@ -142,6 +144,7 @@ def test_auto_keeps_blocks_for_a_box() -> None:
     assert prepared(box(4, 4, 4)).method == "blocks"
 
 
+@pytest.mark.long
 def test_a_fitted_path_needs_fewer_modules_for_a_likeness() -> None:
     fitted, blocks = (
         prepare_subject(
@@ -154,6 +157,7 @@ def test_a_fitted_path_needs_fewer_modules_for_a_likeness() -> None:
     assert iou(prepared(torus(), modules=fitted)) >= 0.75
 
 
+@pytest.mark.long
 def test_the_ends_and_the_start_are_as_requested(fitted_ring: Preparation) -> None:
     for name, expected in {"start": None, "ends": "surface"}.items():
         with case(name):

@@ -81,6 +81,7 @@ def test_a_seed_gives_the_same_tetrahedra_on_every_machine() -> None:
     assert sha256(np.sort(members).tobytes()).hexdigest()[:16] == "f1509052a7054bb0"
 
 
+@pytest.mark.long
 def test_fitted_tetrahedra_look_more_like_a_mesh_than_rings() -> None:
     fitted, rings = prepared(), prepared(method="blocks")
     assert fitted.method == "fitted" and rings.method == "rings"

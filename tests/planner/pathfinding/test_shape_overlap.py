@@ -90,6 +90,7 @@ def test_likeness_of_voxels_counts_their_repair() -> None:
             assert prepare(voxels(cells), "a.json", options).likeness == expected
 
 
+@pytest.mark.long
 def test_plan_states_the_likeness_that_verification_measures_again(tmp_path: FilePath) -> None:
     mesh = exported("stl", centred_box(2, 2, 2.6, at=(0, 0, 0)))
     place = tmp_path / "fold"

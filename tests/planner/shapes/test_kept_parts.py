@@ -114,6 +114,7 @@ def test_lost_handle_is_reported_with_the_numbers_of_modules_for_a_likeness() ->
     assert (fitted["method"], fitted["tunnels"]) == ("fitted", {"mesh": 1, "cells": 1})
 
 
+@pytest.mark.long
 def test_exact_fits_need_few_modules() -> None:
     cube = exported("stl", box(4, 4, 4))
     report = prepare_in_any_order(cube, "a.stl", PathOptions(modules=8)).report(full=False)

@@ -86,7 +86,7 @@ def check(restorable: Restorable, moments: list[tuple[float, Fault]]) -> Counter
 
 
 @pytest.mark.processes
-@pytest.mark.parametrize("kind", [KINDS[0], KINDS[-1]])
+@pytest.mark.parametrize("kind", [KINDS[0], pytest.param(KINDS[-1], marks=pytest.mark.long)])
 def test_ended_restore_leaves_the_old_state_or_the_new_one(restorable: Restorable) -> None:
     last = restorable.moments()
     check(restorable, [(last // 2, "killed"), (last - 35, "full"), (last - 8, "killed")])
