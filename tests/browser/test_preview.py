@@ -114,6 +114,7 @@ def test_lossy_shape_says_so_at_first_sight(visit: Visit, service: Service) -> N
     expect(snake).to_be_disabled()
 
 
+@pytest.mark.long
 def test_first_result_is_shown_until_the_final_one_is_there(visit: Visit, service: Service) -> None:
     page = visit("/", view=False)
     routes: list[Route] = []

@@ -57,6 +57,7 @@ def test_auto_takes_a_fitted_path_where_it_pays(fitted_ring: Preparation) -> Non
     assert (fitted_ring.cells == ring.cells).all()
 
 
+@pytest.mark.long
 def test_the_final_result_goes_on_from_the_first_one(monkeypatch: pytest.MonkeyPatch) -> None:
     options = PathOptions(modules=32)
     full_fit = fill_fitted(solid_of(torus()), options, seed=0)[1]
@@ -135,6 +136,7 @@ def test_refusal_of_many_modules_on_a_table_names_the_number_that_works() -> Non
         _ = preparation.chain
 
 
+@pytest.mark.long
 def test_on_a_table_an_easier_path_through_voxels_stays() -> None:
     preparation = prepared(box(4, 4, 2), modules=32, world="table")
     assert preparation.method == "table" and iou(preparation) > 0.95

@@ -90,6 +90,7 @@ def test_mesh_becomes_about_as_many_modules_as_requested(idle: Service) -> None:
     assert report(idle, preview=computed_report["id"], modules="128") == computed_report
 
 
+@pytest.mark.long
 def test_path_starts_at_the_requested_cell_and_is_folded_so(idle: Service) -> None:
     computed_report = report(idle, stl(), modules="32")
     cell = computed_report["cells"][17]
