@@ -128,9 +128,12 @@ def _add_verdicts(section: Section, verdicts: dict[str, Verdict]) -> None:
         f"{ONE_JOINT_BAR}, or proofs for all others",
         one >= ONE_JOINT_BAR or decided == count,
     )
-    known = len(KNOWN_EXHAUSTED & set(proved))
+    confirmed = len(KNOWN_EXHAUSTED & set(proved))
     section.add(
-        "no single turns, known before", f"{known} of {len(KNOWN_EXHAUSTED)}", "all", known == 9
+        "no single turns, known before",
+        f"{confirmed} of {len(KNOWN_EXHAUSTED)}",
+        "all",
+        confirmed == 9,
     )
     section.add("no single turns, proved", f"{len(proved)}")
     several = sum(verdict.kind == "several-joints" for verdict in verdicts.values())

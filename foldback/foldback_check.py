@@ -700,8 +700,8 @@ class Proof:
 
     def tail(self, last, i, rows=4):
         """Return the first rows of links (Q, 4, 4) from a module to others behind it at rest."""
-        seen = relative(self.straight[last], self.straight[i, :rows])
-        return np.insert(seen, 0, np.eye(4)[0, :rows], axis=2)
+        poses = relative(self.straight[last], self.straight[i, :rows])
+        return np.insert(poses, 0, np.eye(4)[0, :rows], axis=2)
 
     def _roundings(self):
         """Return the bounds of ROUNDING: of any chain; by parts, or infinite without them."""

@@ -92,11 +92,11 @@ class Body:
 
 def different(directions):
     """Return unit vectors of which no two are parallel."""
-    kept = []
+    lines = []
     for d in directions:
-        if all(np.linalg.norm(np.cross(d, other)) > 1e-9 for other in kept):
-            kept.append(d)
-    return np.array(kept)
+        if all(np.linalg.norm(np.cross(d, other)) > 1e-9 for other in lines):
+            lines.append(d)
+    return np.array(lines)
 
 
 class Part:

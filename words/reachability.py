@@ -58,19 +58,19 @@ def full_size(row: ShownFold, directory: Path, derived_dir: Path) -> FullSize | 
     lines = verdict_lines(verdict, module)
     if verdict.at_full_size is None:  # full size first
         lines.reverse()
-    asked = row.module_size or module.default_size
-    hint = size_hint(verdict, module.words, asked) if row.status == "failed" else ""
+    requested_size = row.module_size or module.default_size
+    hint = size_hint(verdict, module.words, requested_size) if row.status == "failed" else ""
     return {"text": " ".join(lines), "has_proof": verdict.exhaustion is not None, "hint": hint}
 
 
-def size_hint(verdict: VerdictFigures, words: ModuleWords, asked: float) -> str:
+def size_hint(verdict: VerdictFigures, words: ModuleWords, requested_size: float) -> str:
     """Return the largest size for which turns are known; empty if no more was asked for."""
     sequence = verdict.at_full_size or verdict.smaller
-    if sequence is None or sequence.size >= asked:
+    if sequence is None or sequence.size >= requested_size:
         return ""
     return (
         f"Turns are known only for {words.plural} of up to {size_text(sequence.size)} of the full "
-        f"size, but this fold asked for {asked:g}."
+        f"size, but this fold asked for {requested_size:g}."
     )
 
 

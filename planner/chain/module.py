@@ -39,7 +39,7 @@ IndexT = TypeVar("IndexT", int, Ints)
 
 @dataclass(frozen=True)
 class ModuleWords:
-    """What people call a module.
+    """Words by which people call a module.
 
     Attributes:
         singular: Of one module, for example "cube".

@@ -235,10 +235,10 @@ def _piece(values: PieceValues, number: int) -> Piece:
     entry, entry_axes = _end(values.entry, f"{place}.entry")
     exit_, exit_axes = _end(values.exit, f"{place}.exit")
     hinges, step = values.joint.hinges, values.joint.step_deg
-    kept = np.array_equal(axes, np.eye(3)) and not origin.any()
+    is_centred = np.array_equal(axes, np.eye(3)) and not origin.any()
     return Piece(
         name=values.name,
-        parts=parts if kept else tuple(part.moved(origin, axes) for part in parts),
+        parts=parts if is_centred else tuple(part.moved(origin, axes) for part in parts),
         volume=moments.volume,
         inertia=frozen(np.diag(axes.T @ moments.inertia @ axes)),
         entry=frozen((entry - origin) @ axes),

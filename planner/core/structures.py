@@ -1162,7 +1162,7 @@ class TurningChain(NamedTuple):
 
 
 class TurnSearch(NamedTuple):
-    """What a search for turns tries first, and where it ends.
+    """Order and limits of a search for turns.
 
     Attributes:
         size: Size of the modules at first, at most 1.
@@ -1215,7 +1215,7 @@ class TurnSearchResult(NamedTuple):
 
 
 class TurnTable(NamedTuple):
-    """What each turn of each of some states leads to.
+    """Outcome of each turn of each of some states.
 
     Attributes:
         next: (S, J, 2) number of the state after a turn of each hinge by −1 and by 1 step; −1 if

@@ -70,7 +70,7 @@ class Sequence:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Verdict:
-    """Whether turns lead to a figure.
+    """A decision whether turns lead to a figure.
 
     Attributes:
         kind: The best that is known.

@@ -120,8 +120,8 @@ def cube_names_of(sequence: CubeSequence) -> tuple[str, ...]:
 
 def nearest_names(name: str) -> tuple[str, ...]:
     """Return up to four names of figures and snake cubes that are similar to a name."""
-    known = [f.name for f in snake_figures()] + [n for c in known_snake_cubes() for n in c.names]
-    plain = {_plain(known_name): known_name for known_name in known}
+    names = [f.name for f in snake_figures()] + [n for c in known_snake_cubes() for n in c.names]
+    plain = {_plain(known_name): known_name for known_name in names}
     return tuple(plain[match] for match in get_close_matches(_plain(name), plain, n=4, cutoff=0.5))
 
 

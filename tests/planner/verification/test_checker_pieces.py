@@ -161,8 +161,8 @@ def test_modules_behind_a_window_follow_their_pattern(
         poses = foldback_check.relative(batch.poses(first, first), batch.poses(modules, first))[
             :, 2
         ]
-        seen = foldback_check.relative(middle[0], middle)
-        np.testing.assert_allclose(poses, seen, atol=1e-12)
+        expected = foldback_check.relative(middle[0], middle)
+        np.testing.assert_allclose(poses, expected, atol=1e-12)
         low, high = batch.boxes()
         root = foldback_check.relative(middle[batch.c], middle)[:, 0]
         assert ((low[:, 0] <= root) & (root <= high[:, 0])).all()

@@ -48,7 +48,7 @@ def test_words_are_text_on_pages(idle: Service) -> None:
 
 
 def test_described_module_takes_no_shipped_name(idle: Service) -> None:
-    taken = {**BOW, "module": {**MODULE, "name": "cube"}}
-    file = {"file": ("bow.json", json.dumps(taken).encode())}
+    named_cube = {**BOW, "module": {**MODULE, "name": "cube"}}
+    file = {"file": ("bow.json", json.dumps(named_cube).encode())}
     answer = idle.http.post("/api/folds", files=file)
     assert (answer.status_code, answer.json()["code"]) == (422, "name-taken")
