@@ -39,6 +39,7 @@ LAYERS: Final = (
     ("planner.exports",),
     ("planner.pipeline",),
     ("planner.verification",),
+    ("planner.sweeps",),
     ("web",),
     ("web.pictures",),
     ("web.timeline",),

@@ -1,0 +1,1 @@
+"""Sweeps: many folds on this machine or a cluster, as one table."""
