@@ -304,6 +304,8 @@ READ_ONLY_QUERY: Final = "mode=ro&uri=true"
 MISSING_LOG_ERRORS: Final = ("unable to open", "readonly database")
 """Texts in SQLite's error messages if a database in a read-only directory lacks the files of its
 write-ahead log; the database is then opened as immutable."""
+JOBS_CHANNEL: Final = "foldback_jobs"
+"""Channel of PostgreSQL on which triggers notify workers of jobs that wait in the queue."""
 MIGRATION_LOCK = 0x666F6C65
 """Key of the advisory lock of PostgreSQL that a process holds while it changes the schema to a new
 version, so that two processes never do so at the same time. Any number that no other lock uses; all
