@@ -15,6 +15,7 @@ from bench.load.scrubbing import scrubbing
 from bench.load.several_machines import several_machines
 from bench.load.starts import starts
 from bench.load.strangers import strangers
+from bench.load.takeover import takeover
 from bench.load.uploads import uploads
 from bench.load.viewers import viewers
 from bench.load.workers import workers
@@ -43,6 +44,7 @@ SECTIONS: dict[str, Callable[[bool], Section]] = {
     "scrubbing": scrubbing,
     "starts": starts,
     "strangers": strangers,
+    "takeover": takeover,
     "uploads": uploads,
     "mutated": mutated_uploads,
     "viewers": viewers,

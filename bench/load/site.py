@@ -6,7 +6,6 @@ import secrets
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, suppress
@@ -125,12 +124,8 @@ class Site:
 
     def _start_host(self, k: int) -> subprocess.Popen[bytes]:
         service = self._service(f"host-{k}" if self.setup.apart else "web")
-        with open(self.place / f"host-{k}.log", "a") as log:
-            return subprocess.Popen(
-                [sys.executable, "-P", "-m", "foldback.server.cli", "worker"],
-                env=service.environment,
-                stderr=log,
-            )
+        service.log = self.place / f"host-{k}.log"
+        return service.start_worker()
 
     def processes(self, *kinds: str) -> list[psutil.Process]:
         """Return its processes, of all or some kinds: web, worker, stages, reader, preparer."""

@@ -56,6 +56,12 @@ class Postgres:
     def _cluster(self) -> Path:
         return self._directory / "cluster"
 
+    @property
+    def pid(self) -> int:
+        """Id of its first process, the parent of all others."""
+        assert self._process is not None
+        return self._process.pid
+
     def start(self) -> "Postgres":
         """Start the cluster, on its earlier port if it had one."""
         self.port = self.port or free_port()

@@ -128,15 +128,19 @@ class Service:
     def __exit__(self, *_: object) -> None:
         assert self.stop() == 0
 
-    @contextmanager
-    def worker(self) -> Iterator[subprocess.Popen[bytes]]:
-        """Run a worker that is not supervised."""
+    def start_worker(self) -> subprocess.Popen[bytes]:
+        """Start a worker that is not supervised."""
         with open(self.log, "a") as log:
-            worker = subprocess.Popen(
+            return subprocess.Popen(
                 [sys.executable, "-P", "-m", "foldback.server.cli", "worker"],
                 env=self.environment,
                 stderr=log,
             )
+
+    @contextmanager
+    def worker(self) -> Iterator[subprocess.Popen[bytes]]:
+        """Run a worker that is not supervised."""
+        worker = self.start_worker()
         try:
             yield worker
         finally:
