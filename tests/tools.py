@@ -122,6 +122,12 @@ FIREFOX = Tool(
 XVFB = Tool("Xvfb", ("xvfb",), lambda: shutil.which("Xvfb"))
 POSTGRES = Tool("PostgreSQL", ("postgresql",), _find_postgres)
 CADDY = Tool("Caddy", ("caddy",), lambda: shutil.which("caddy"))
+# For the long tests alone, so that it is not in TOOLS.
+SLURM = Tool(
+    "SLURM",
+    ("slurmctld", "slurmd", "slurm-client", "munge"),
+    lambda: shutil.which("slurmctld", path=f"{os.environ['PATH']}{os.pathsep}/usr/sbin"),
+)
 SYSTEMD = Tool("systemd-analyze", ("systemd",), lambda: shutil.which("systemd-analyze"))
 LINUX_HEADERS = Tool("headers of the Linux kernel", ("linux-libc-dev",), _find_headers)
 OPENGL = Tool(
