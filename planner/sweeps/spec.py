@@ -1,0 +1,298 @@
+"""Specification of a sweep: which shapes are folded, how, how often, and within which limits."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, dataclass, field, fields
+from difflib import get_close_matches
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any, Final, Literal, TypeVar
+
+from foldback.planner.errors import InputError
+from foldback.planner.parameters.option import options_of
+from foldback.planner.pipeline.request import MAX_SEED, FoldRequest
+from foldback.planner.storage.plain_values import from_plain
+from foldback.planner.sweeps.case import Limits
+from foldback.planner.sweeps.shapes import ShapeSource, find_shapes
+
+T = TypeVar("T")
+Values = dict[str, Any]
+"""Values as TOML has them."""
+Seeds = int | str | list[int]
+
+REQUEST_FIELDS: Final = tuple(name for name in options_of(FoldRequest) if name != "seed")
+"""Fields of a fold's request that a spec may set; seeds have a key of their own."""
+SEED_OF_NAME: Final = "name"
+"""Value of ``seeds``: the seed is the number at the end of the shape's name."""
+MEMORY_UNITS: Final = {"": 1, "k": 1000, "M": 1000**2, "G": 1000**3, "T": 1000**4} | {
+    f"{prefix}i": 1024**power for power, prefix in enumerate("KMGT", 1)
+}
+"""Bytes of the units of memory, by their prefixes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Budget:
+    """Limits of one fold, as a spec states them; None for those of the whole sweep.
+
+    Attributes:
+        cpu_s, wall_s: Processor time and wall time, s.
+        memory: Resident memory, such as ``2 GiB``.
+    """
+
+    cpu_s: float | None = None
+    wall_s: float | None = None
+    memory: str | int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """A method, or a group of shapes: what its folds have in common.
+
+    Attributes:
+        seeds: Its own seeds; None for those of the sweep.
+        only: Globs of the names of the shapes that a method folds.
+        budget: Its own limits.
+        files: Shapes of a group.
+        request: Fields of the request.
+    """
+
+    seeds: Seeds | None = None
+    only: list[str] = field(default_factory=lambda: ["*"])
+    budget: Budget = Budget()
+    files: str | list[Any] = field(default_factory=list[Any])
+    request: Values = field(default_factory=Values)
+
+    def as_dict(self) -> Values:
+        """Return its table: the keys that differ from the default."""
+        values = {name: getattr(self, name) for name in _names(Part) if name != "request"}
+        files = [file if isinstance(file, str) else file[0] for file in self.files]
+        values |= {"budget": asdict(self.budget), "files": files}
+        plain = Part()
+        return self.request | {
+            name: value
+            for name, value in values.items()
+            if getattr(self, name) != getattr(plain, name)
+        }
+
+    def folds(self, shape: ShapeSource) -> bool:
+        """Return True if it folds a shape."""
+        return any(fnmatchcase(shape.name, pattern) for pattern in self.only)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Keep:
+    """Folds whose plans are kept."""
+
+    plans: Literal["none", "failed", "all"] = "none"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapAxes:
+    """Columns of the table by which the map arranges folds; None for those that suit the shapes.
+
+    Attributes:
+        rows, columns: Columns of the table whose values are the rows and columns of a field.
+        by: Column of the table with a field for each value.
+    """
+
+    rows: str | None = None
+    columns: str | None = None
+    by: str = "method"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweepSpec:
+    """Specification of a sweep; see docs/sweeps.md.
+
+    Attributes:
+        shapes: Groups of shapes by name; one without a name if they are a list.
+        seeds: Seeds of all folds: a number, a list, ``0-4``, or ``name``.
+        until: ``verified`` if a later seed is tried only while no earlier one is verified.
+        budget: Limits of each fold.
+        methods: Methods by name.
+        grid: Values of fields of the request; their product is folded.
+        keep: Folds whose plans are kept.
+        map: Axes of the map.
+        base: Directory to which files are relative.
+    """
+
+    shapes: dict[str, Part]
+    seeds: Seeds = 0
+    until: Literal["verified"] | None = None
+    budget: Budget = Budget()
+    methods: dict[str, Part] = field(default_factory=lambda: {"auto": Part()})
+    grid: dict[str, list[Any]] = field(default_factory=dict[str, list[Any]])
+    keep: Keep = Keep()
+    map: MapAxes = MapAxes()
+    base: str
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any], base: Path) -> SweepSpec:
+        """Return the specification that a TOML document or a program gives.
+
+        Args:
+            values: Keys of the document; shapes may also be pairs of a name and bytes.
+            base: Directory to which files are relative.
+
+        Raises:
+            InputError: ``bad-spec``, naming the key.
+        """
+        _check_keys("spec", values, [name for name in _names(cls) if name != "base"])
+        _check_keys("grid", values.get("grid", {}), REQUEST_FIELDS)
+        for name, kind in (("budget", Budget), ("keep", Keep), ("map", MapAxes)):
+            _check_keys(name, values.get(name, {}), _names(kind))
+        shapes = values.get("shapes", [])
+        groups = shapes if isinstance(shapes, Mapping) else {"": shapes}
+        parts = {
+            name: {key: _part(f"{name}.{key}".strip("."), part) for key, part in tables.items()}
+            for name, tables in (("shapes", groups), ("methods", values.get("methods", {})))
+            if tables
+        }
+        seeds = values.get("seeds", 0)
+        spec = _convert({**values, "seeds": _seeds_text(seeds), **parts, "base": str(base)}, cls)
+        for part in (*spec.shapes.values(), *spec.methods.values()):
+            spec.limits(part)
+        return spec
+
+    @classmethod
+    def from_toml(cls, path: Path) -> SweepSpec:
+        """Return the specification in a file.
+
+        Raises:
+            InputError: If it cannot be read, or naming a key in it.
+        """
+        try:
+            values = tomllib.loads(path.read_text(encoding="utf-8"))
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise InputError(
+                "bad-spec", f"got no TOML ({error}), expected a spec of a sweep.", where=str(path)
+            ) from error
+        base = values.pop("base", path.parent.resolve())
+        return cls.of(values, Path(base))
+
+    def as_dict(self) -> Values:
+        """Return the values for ``of``, with the base, as TOML has them: without None."""
+        values = {name: getattr(self, name) for name in _names(SweepSpec)}
+        for name, parts in (("shapes", self.shapes), ("methods", self.methods)):
+            values[name] = {key: part.as_dict() for key, part in parts.items()}
+        for name in ("budget", "keep", "map"):
+            values[name] = asdict(values[name])
+        if list(self.shapes) == [""]:
+            values["shapes"] = values["shapes"][""]["files"]
+        return {
+            name: _without_none(value) for name, value in values.items() if value not in ({}, None)
+        }
+
+    def find_shapes(self, group: str) -> tuple[ShapeSource, ...]:
+        """Return the shapes of a group.
+
+        Raises:
+            InputError: ``no-shape``.
+        """
+        files = self.shapes[group].files
+        if not files:
+            place = f"shapes.{group}".strip(".")
+            raise InputError("no-shape", f"got no {place}, expected files, globs or examples.")
+        return find_shapes([files] if isinstance(files, str) else files, Path(self.base))
+
+    def limits(self, *parts: Part) -> Limits:
+        """Return the limits of the folds of parts; those of later parts come first."""
+        values = asdict(Limits())
+        for budget in (self.budget, *(part.budget for part in parts)):
+            stated = {name: value for name, value in asdict(budget).items() if value is not None}
+            if (memory := stated.pop("memory", None)) is not None:
+                stated["memory_bytes"] = bytes_of(memory)
+            values |= stated
+        if not all(0 < value < float("inf") for value in values.values()):
+            raise InputError("bad-spec", f"got the budget {values}, expected more than 0 of each.")
+        return Limits(**values)
+
+
+def seeds_of(value: Seeds, shape: str) -> tuple[int, ...]:
+    """Return seeds: a number, a list, ``0-4``, or ``name`` for the number at the end of a name.
+
+    Raises:
+        InputError: ``bad-seeds``.
+    """
+    text = value
+    if value == SEED_OF_NAME:
+        number = re.search(r"\d+$", shape)
+        text = number[0] if number else f"{SEED_OF_NAME} of {shape}, without a number"
+    match = re.fullmatch(r"(\d{1,10})(?:-(\d{1,10}))?", str(text))
+    seeds = range(int(match[1]), int(match[2] or match[1]) + 1) if match else value
+    if isinstance(seeds, list | range) and seeds and 0 <= min(seeds) <= max(seeds) <= MAX_SEED:
+        return tuple(seeds)
+    raise InputError(
+        "bad-seeds",
+        f"got the seeds {text!r}, expected a number, a text such as '0-4', a list such as [1, 5], "
+        f"or {SEED_OF_NAME!r} for the number at the end of a shape's name.",
+    )
+
+
+def bytes_of(text: str | int) -> int:
+    """Return the bytes of a text such as ``2 GiB``, or of a number.
+
+    Raises:
+        InputError: ``bad-memory``.
+    """
+    match = re.fullmatch(r"(\d+(?:\.\d+)?) *(?:([kKMGT]i?)?B)?", str(text).strip())
+    if match is None or (match[2] or "") not in MEMORY_UNITS:
+        raise InputError("bad-memory", f"got the memory {text!r}, expected a size such as '2 GiB'.")
+    return int(float(match[1]) * MEMORY_UNITS[match[2] or ""])
+
+
+def _part(place: str, table: Any) -> Values:
+    """Return a part's table as its class has it; a list or glob is the files of a group."""
+    if not isinstance(table, Mapping):
+        table = {"files": table}
+    own = [name for name in _names(Part) if name != "request"]
+    _check_keys(place, table, (*own, *REQUEST_FIELDS))
+    _check_keys(f"{place}.budget", table.get("budget", {}), _names(Budget))
+    values = {name: table[name] for name in own if name in table}
+    values["request"] = {name: table[name] for name in REQUEST_FIELDS if name in table}
+    for name in ("only", "files"):
+        if isinstance(values.get(name), str):
+            values[name] = [values[name]]
+    if "seeds" in values:
+        values["seeds"] = _seeds_text(values["seeds"])
+    return values
+
+
+def _seeds_text(seeds: Any) -> Any:
+    """Return a range of seeds, which only a program can give, as a text; others as they are."""
+    is_range = isinstance(seeds, range) and seeds and seeds.step == 1
+    return f"{seeds.start}-{seeds.stop - 1}" if is_range else seeds
+
+
+def _names(kind: type[Any]) -> list[str]:
+    return [entry.name for entry in fields(kind)]
+
+
+def _check_keys(place: str, values: Any, known: Collection[str]) -> None:
+    """Refuse unknown keys of a table, naming the nearest known one."""
+    for name in values if isinstance(values, Mapping) else ():
+        if name not in known:
+            near = get_close_matches(str(name), known, n=1, cutoff=0.5)
+            expected = near[0] if near else f"one of: {', '.join(known)}"
+            raise InputError(
+                "bad-spec", f"{place}: got the unknown key {name!r}, expected {expected}."
+            )
+
+
+def _convert(values: Values, kind: type[T]) -> T:
+    try:
+        return from_plain(values, kind)
+    except ValueError as error:
+        raise InputError(
+            "bad-spec", f"got a spec that cannot be used: {error}; correct the value."
+        ) from error
+
+
+def _without_none(value: Any) -> Any:
+    """Return plain values without those that are None, which TOML lacks."""
+    if isinstance(value, dict):
+        return {key: _without_none(entry) for key, entry in value.items() if entry is not None}
+    return value
