@@ -1,0 +1,177 @@
+"""Executors of sweeps: this machine, a Dask cluster at an address, or jobs of SLURM."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Generator, Mapping
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, TypeVar
+
+from foldback.planner.cpu_cores import cores
+from foldback.planner.errors import InputError
+from foldback.planner.sweeps.run import CASES_PER_WORKER
+
+if TYPE_CHECKING:
+    from distributed import Client, SpecCluster
+
+T = TypeVar("T")
+CONFIGURATION: Final = {
+    # Machines that may end under a case before it counts as lost. A case cannot end its worker.
+    "distributed.scheduler.allowed-failures": 10,
+    # Costs processor time for as long as cases run.
+    "distributed.worker.profile.enabled": False,
+    "distributed.scheduler.active-memory-manager.start": False,
+}
+"""Configuration of Dask where foldback starts it."""
+CONNECT_TIMEOUT: Final = "30 s"
+"""Time that the first connection to a scheduler may take."""
+RECONNECT_TIMEOUT: Final = "365 days"
+"""Time for which a client waits until a scheduler that has ended is there again."""
+SIZE_PERIOD_S: Final = 2.0
+"""Time, in s, between two questions of how many workers a cluster has."""
+MIN_CASES_AT_ONCE: Final = 64
+"""Number of cases that a cluster is given if it has few workers, since more may come."""
+SLURM: Final = "slurm"
+"""Name of the place where a sweep starts its own jobs."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """Place where a sweep computes.
+
+    Attributes:
+        on: Address of a Dask scheduler (``tcp://…``, ``tls://…``), its scheduler file (``….json``),
+            or ``slurm``; empty for this machine.
+        workers: Number of cases that are computed at once: on this machine, all its processors by
+            default; on SLURM, the number of jobs.
+        walltime: Time limit of a SLURM job, as ``sbatch --time`` takes it.
+        memory: Memory of a SLURM job, as Dask writes it.
+        slurm: Options of ``sbatch``, without their dashes.
+    """
+
+    on: str = ""
+    workers: int | None = None
+    walltime: str = "04:00:00"
+    memory: str = "4 GiB"
+    slurm: Mapping[str, str] = field(default_factory=dict[str, str])
+
+
+class DaskExecutor(Executor):
+    """Executor on a Dask client, whose cases end when their command does."""
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+        self._executor = client.get_executor(pure=False)
+        self._size = 0
+        self._size_read_s = float("-inf")
+
+    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
+        """Submit ``run_limited`` with a case."""
+        return self._executor.submit(fn, *args, is_unwanted=is_unwanted, **kwargs)
+
+    def at_once(self) -> int:
+        """Return the number of cases that the cluster is given at a time."""
+        now_s = time.monotonic()
+        if now_s - self._size_read_s > SIZE_PERIOD_S and self._client.status == "running":
+            self._size_read_s = now_s
+            self._size = int(self._client.scheduler_info(n_workers=0)["total_threads"])
+        return max(MIN_CASES_AT_ONCE, CASES_PER_WORKER * self._size)
+
+
+def is_unwanted() -> bool:
+    """Return True if no client waits for the Dask task of this thread any more."""
+    from distributed import get_worker
+
+    worker = get_worker()
+    task = worker.state.tasks.get(worker.get_current_task())
+    return task is None or task.state == "cancelled"
+
+
+@contextmanager
+def executor_on(place: Place) -> Generator[DaskExecutor]:
+    """Yield an executor for cases; end what it has started.
+
+    If the scheduler at an address ends, the executor waits until it is there again, and cases that
+    it had are cancelled.
+
+    Raises:
+        InputError: ``missing-package``; ``no-scheduler`` if none answers.
+    """
+    try:
+        import dask.config
+        from distributed import Client
+    except ImportError as error:
+        raise _missing("distributed", "pip install 'foldback[sweep]'") from error
+    with dask.config.set(CONFIGURATION):
+        if place.on not in ("", SLURM):
+            _check_scheduler(place.on)
+            with Client(**_target(place.on), timeout=RECONNECT_TIMEOUT) as client:
+                yield DaskExecutor(client)
+            return
+        with _cluster(place) as cluster, Client(cluster) as client:
+            yield DaskExecutor(client)
+
+
+def _target(on: str) -> dict[str, Any]:
+    """Return the arguments of a client that state its scheduler."""
+    return {"address": on} if "://" in on else {"scheduler_file": on}
+
+
+def _check_scheduler(on: str) -> None:
+    from distributed import Client
+
+    if "://" not in on and not Path(on).is_file():
+        raise InputError(
+            "no-scheduler",
+            f"got {on!r}, expected an address such as tcp://head:8786, the scheduler file of "
+            "'dask scheduler --scheduler-file', or slurm.",
+        )
+    try:
+        Client(**_target(on), timeout=CONNECT_TIMEOUT).close()
+    except OSError as error:
+        raise InputError(
+            "no-scheduler",
+            f"got no answer from the Dask scheduler, expected one within {CONNECT_TIMEOUT}; start "
+            f"it with 'dask scheduler', and workers with 'dask worker' ({error}).",
+            where=on,
+        ) from error
+
+
+def _cluster(place: Place) -> SpecCluster:
+    if place.on == SLURM:
+        return _slurm_cluster(place)
+    from distributed import LocalCluster
+
+    return LocalCluster(
+        n_workers=place.workers or cores(),
+        threads_per_worker=1,
+        memory_limit=0,  # cases have limits of their own
+        dashboard_address=None,  # pyright: ignore[reportArgumentType]
+        silence_logs=logging.ERROR,
+    )
+
+
+def _slurm_cluster(place: Place) -> SpecCluster:
+    try:
+        from dask_jobqueue.slurm import SLURMCluster
+    except ImportError as error:
+        raise _missing("dask-jobqueue", "pip install dask-jobqueue") from error
+    cluster = SLURMCluster(
+        cores=1,
+        processes=1,
+        memory=place.memory,
+        walltime=place.walltime,
+        job_extra_directives=[f"--{name}={value}" for name, value in place.slurm.items()],
+    )
+    cluster.adapt(maximum_jobs=place.workers or 1)
+    return cluster
+
+
+def _missing(package: str, remedy: str) -> InputError:
+    return InputError(
+        "missing-package", f"got no package {package}, expected it; install it with {remedy}."
+    )

@@ -1,0 +1,37 @@
+"""Executors of sweeps: Dask on this machine, whose cases end when nobody waits for them."""
+
+from pathlib import Path
+
+import psutil
+
+from foldback.planner.sweeps.case import Case
+from foldback.planner.sweeps.executors import Place, executor_on
+from foldback.planner.sweeps.limited_process import run_limited
+from foldback.planner.sweeps.run import run_cases
+from tests.planner.sweeps import tasks
+from tests.refusal import refused
+from tests.server.service_process import wait_until
+
+
+def test_killed_worker_is_replaced_and_an_unwanted_case_ends(tmp_path: Path) -> None:
+    witness = tmp_path / "starts"
+
+    def started() -> list[int]:
+        return [int(pid) for pid in witness.read_text().split()] if witness.exists() else []
+
+    with executor_on(Place(workers=1)) as executor:
+        killed = Case(key="1", columns={}, task=tasks.KillAncestorOnce(witness, 2))
+        (row,) = run_cases([killed], [].append, executor, at_once=executor.at_once)
+        assert row["verdict"] == "computed"
+        assert len(started()) == 2
+
+        hanging = Case(key="2", columns={}, task=tasks.NoteAndHang(witness))
+        future = executor.submit(run_limited, hanging)
+        wait_until(lambda: len(started()) == 3)
+        future.cancel()
+        wait_until(lambda: not psutil.pid_exists(started()[-1]))
+
+
+def test_place_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with refused("no-scheduler", match="dask scheduler"), executor_on(Place(on="schedule.json")):
+        pass

@@ -1,0 +1,94 @@
+"""Runs of cases on any executor: one row of each, whatever happens to the executor."""
+
+from collections.abc import Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from foldback.planner.sweeps.case import Case, Outcome, Row
+from foldback.planner.sweeps.run import run_cases
+from tests.case import case
+from tests.planner.sweeps import tasks
+
+
+def cases(number: int, taken: list[int] | None = None) -> Iterator[Case]:
+    for index in range(number):
+        if taken is not None:
+            taken.append(index)
+        yield Case(key=str(index), columns={"index": index}, task=tasks.empty)
+
+
+def test_executors_give_a_row_of_each_case() -> None:
+    spawn = get_context("spawn")
+    for executor in (ThreadPoolExecutor(2), ProcessPoolExecutor(1, mp_context=spawn)):
+        with case(type(executor).__name__), executor:
+            written: list[Row] = []
+            rows = list(run_cases(cases(5), written.append, executor, at_once=3))
+            assert rows == written
+            assert sorted(str(row["key"]) for row in rows) == ["0", "1", "2", "3", "4"]
+
+
+class Immediate(Executor):
+    """Executor that computes at once; ``trouble`` may give another result."""
+
+    def __init__(self, **trouble: BaseException) -> None:
+        self.submitted: list[str] = []
+        self._trouble = trouble
+
+    def submit(self, fn: Any, case: Case, /) -> Future[Any]:  # pyright: ignore[reportIncompatibleMethodOverride]
+        self.submitted.append(case.key)
+        future: Future[Any] = Future()
+        trouble = self._trouble.pop(f"case_{case.key}", None)
+        if trouble is None:
+            files = {"a/plan": b"1"} if case.keep else {}
+            future.set_result(Outcome(row={"key": case.key, "verdict": "computed"}, files=files))
+        elif isinstance(trouble, KeyboardInterrupt):
+            future.cancel()
+        else:
+            future.set_exception(trouble)
+        return future
+
+
+def test_cases_are_taken_when_there_is_room() -> None:
+    taken: list[int] = []
+    written: list[Row] = []
+    rows = run_cases(cases(1000, taken), written.append, Immediate(), at_once=lambda: 4)
+    assert next(rows) == written[0]
+    assert taken == [0, 1, 2, 3]
+    rows.close()
+    assert len(written) == 1
+
+
+def test_case_that_the_executor_gives_up_is_lost() -> None:
+    executor = Immediate(case_1=ConnectionError("its machines have ended"))
+    verdicts = {
+        row["key"]: row["verdict"] for row in run_cases(cases(3), [].append, executor, at_once=2)
+    }
+    assert verdicts == {"0": "computed", "1": "lost", "2": "computed"}
+
+
+def test_case_that_the_executor_cancels_is_handed_out_again() -> None:
+    executor = Immediate(case_1=KeyboardInterrupt())
+    rows = list(run_cases(cases(3), [].append, executor, at_once=2))
+    assert sorted(str(row["key"]) for row in rows) == ["0", "1", "2"]
+    assert executor.submitted.count("1") == 2
+
+
+def test_cases_follow_from_rows() -> None:
+    def next_case(case: Case, row: Row) -> Case | None:
+        return Case(key=f"{case.key}b", columns={}, task=case.task) if case.key == "1" else None
+
+    rows = list(run_cases(cases(3), [].append, Immediate(), at_once=1, next_case=next_case))
+    assert [row["key"] for row in rows] == ["0", "1", "1b", "2"]
+
+
+def test_files_are_stored_before_the_row(tmp_path: Path) -> None:
+    kept = Case(key="1", columns={}, task=tasks.empty, keep=tmp_path / "plans" / "1")
+    stored: list[bytes] = []
+
+    def add(row: Row) -> None:
+        stored.append((tmp_path / "plans" / "1" / "a" / "plan").read_bytes())
+
+    list(run_cases([kept], add, Immediate(), at_once=1))
+    assert stored == [b"1"]
