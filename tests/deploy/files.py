@@ -21,6 +21,15 @@ EXAMPLES = (
     "systemd/foldback.env",
     "systemd/foldback-web.service",
     "systemd/foldback-worker@.service",
+    "sweep.Dockerfile",
+    *(
+        f"kubernetes/{name}.yaml"
+        for name in (
+            *("kustomization", "namespace", "settings", "web", "worker", "workers-by-queue"),
+            *("proxy", "network", "sweep/kustomization", "sweep/namespace", "sweep/dask"),
+            "sweep/network",
+        )
+    ),
 )
 
 

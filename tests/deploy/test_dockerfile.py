@@ -25,7 +25,7 @@ def findings(path: Path) -> str:
 
 
 def test_hadolint_finds_nothing_unless_something_is_wrong(tmp_path: Path) -> None:
-    assert findings(DOCKERFILE) == ""
+    assert findings(DOCKERFILE) == findings(DEPLOY / "sweep.Dockerfile") == ""
     path = tmp_path / "Dockerfile"
     path.write_text(DOCKERFILE.read_text().replace("USER 10001:10001", "USER root"))
     assert findings(path)
