@@ -91,12 +91,24 @@ class SweepCases:
     def __len__(self) -> int:
         return sum(len(series.seeds) for series in self.series)
 
+    def left(self, rows: Mapping[str, Row]) -> int:
+        """Return the number of folds without a row; seeds that may not be needed count, too."""
+        return sum(
+            len(series.seeds) - turn
+            if self._spec.until
+            else sum(series.key(seed) not in rows for seed in series.seeds)
+            for series in self.series
+            if (turn := self._untried(series, 0, rows)) is not None
+        )
+
     def missing(self, rows: Mapping[str, Row]) -> Iterator[Case]:
         """Yield the cases without a row: the first seeds of all shapes before the second ones."""
         if self._spec.until:
-            yield from filter(None, (self._untried(series, 0, rows) for series in self.series))
+            for series in self.series:
+                if case := self._begin(series, 0, rows):
+                    yield case
             return
-        for turn in range(max(len(series.seeds) for series in self.series)):
+        for turn in range(max((len(series.seeds) for series in self.series), default=0)):
             for series in self.series:
                 if turn < len(series.seeds) and series.key(series.seeds[turn]) not in rows:
                     yield self._case(series, series.seeds[turn])
@@ -106,16 +118,25 @@ class SweepCases:
         if not self._spec.until or row.get("verified"):
             return None
         series, turn = self._begun.pop(case.key)
-        return self._untried(series, turn + 1, rows)
+        return self._begin(series, turn + 1, rows)
 
-    def _untried(self, series: FoldSeries, turn: int, rows: Mapping[str, Row]) -> Case | None:
-        """Return the first case without a row; None if a seed before it is verified."""
+    def _begin(self, series: FoldSeries, turn: int, rows: Mapping[str, Row]) -> Case | None:
+        if (untried := self._untried(series, turn, rows)) is None:
+            return None
+        case = self._case(series, series.seeds[untried])
+        self._begun[case.key] = series, untried
+        return case
+
+    def _untried(self, series: FoldSeries, turn: int, rows: Mapping[str, Row]) -> int | None:
+        """Return the index of the first seed without a row, from one on.
+
+        Return None if there is none, or if a seed before it is verified and no other is needed.
+        """
         for index, seed in enumerate(series.seeds[turn:], turn):
-            key = series.key(seed)
-            if key not in rows:
-                self._begun[key] = series, index
-                return self._case(series, seed)
-            if rows[key].get("verified"):
+            row = rows.get(series.key(seed))
+            if row is None:
+                return index
+            if self._spec.until and row.get("verified"):
                 return None
         return None
 

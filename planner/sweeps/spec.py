@@ -186,6 +186,12 @@ class SweepSpec:
             name: _without_none(value) for name, value in values.items() if value not in ({}, None)
         }
 
+    def map_axes(self) -> tuple[str, str, str]:
+        """Return the columns of the table for the map's fields, rows and columns."""
+        groups = len(self.shapes) > 1
+        rows = self.map.rows or ("group" if groups else "shape")
+        return self.map.by, rows, self.map.columns or ("modules" if groups else "seed")
+
     def find_shapes(self, group: str) -> tuple[ShapeSource, ...]:
         """Return the shapes of a group.
 

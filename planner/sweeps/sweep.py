@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import ExitStack
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -15,8 +18,10 @@ from foldback.planner.errors import InputError
 from foldback.planner.storage.files import write_whole
 from foldback.planner.sweeps.case import Row
 from foldback.planner.sweeps.cases import SweepCases
+from foldback.planner.sweeps.executors import Place, executor_on
+from foldback.planner.sweeps.map import MAP_PERIOD_S, write_map
 from foldback.planner.sweeps.rows import Rows
-from foldback.planner.sweeps.simple_run import run_cases
+from foldback.planner.sweeps.run import CASES_PER_WORKER, run_cases
 from foldback.planner.sweeps.spec import SweepSpec
 from foldback.planner.sweeps.table import PARQUET, is_outdated, write_tables
 
@@ -27,8 +32,36 @@ if TYPE_CHECKING:
 
 SPEC_FILE: Final = "sweep.toml"
 """Name of the file, in the directory of a sweep, with its specification."""
-CASES_PER_WORKER: Final = 4
-"""Number of cases that are submitted at the same time for each worker, so that none waits."""
+
+
+@dataclass(frozen=True, slots=True)
+class SweepState:
+    """State of a sweep in its directory.
+
+    Attributes:
+        cases: All cases.
+        rows: Newest rows by key.
+        settled: Rows whose cases are not computed again.
+    """
+
+    cases: SweepCases
+    rows: dict[str, Row]
+    settled: dict[str, Row]
+
+    @classmethod
+    def of(cls, spec: SweepSpec, directory: Path, again: Sequence[str] = ()) -> SweepState:
+        """Return the state of a sweep.
+
+        Args:
+            spec: Its specification.
+            directory: Its directory, which may be missing.
+            again: Verdicts, or their beginnings, of rows that are computed again.
+        """
+        rows, repeated = Rows(directory).read(), tuple(again)
+        settled = {
+            k: row for k, row in rows.items() if not str(row["verdict"]).startswith(repeated)
+        }
+        return cls(SweepCases(spec, directory), rows, settled if repeated else rows.copy())
 
 
 class Sweep:
@@ -74,52 +107,73 @@ class Sweep:
         self,
         directory: str | Path,
         *,
-        executor: Executor,
+        on: str | Place = "",
+        executor: Executor | None = None,
         workers: int | None = None,
         again: Sequence[str] = (),
+        begun: Callable[[SweepState], None] = lambda _: None,
     ) -> Iterator[Row]:
         """Compute what is missing; yield each new row, which is stored already.
 
         Args:
             directory: Directory of the sweep; created if missing.
-            executor: Computes the folds.
+            on: Where the folds are computed: the address or scheduler file of a Dask cluster, or a
+                place; empty for all cores of this machine.
+            executor: Instead of it, any executor.
             workers: Number of folds at the same time; the number of cores if None.
             again: Verdicts, or their beginnings, of rows that are computed again.
+            begun: Called with the state before the first fold.
 
         Raises:
             InputError: If the directory cannot be used, or a request is invalid.
         """
         directory = Path(directory)
-        stored = Rows(directory)
-        with stored.writing() as add:
+        with Rows(directory).writing() as add, ExitStack() as opened:
             write_spec(self.spec, directory)
-            rows = stored.read()
-            repeated = tuple(again)
-            settled = {
-                key: row
-                for key, row in rows.items()
-                if not str(row["verdict"]).startswith(repeated)
-            }
-            cases = SweepCases(self.spec, directory)
+            state = SweepState.of(self.spec, directory, again)
+            settled, cases, left = state.settled, state.cases, state.cases.left(state.settled)
+            begun(state)
+            opened.callback(lambda: write_results(self.spec, directory, state.rows, left))
             missing = cases.missing(settled)
-            first = next(missing, None)
-            try:
-                for row in (
-                    ()
-                    if first is None
-                    else run_cases(
-                        chain([first], missing),
-                        add,
-                        executor,
-                        at_once=CASES_PER_WORKER * (workers or cores()),
-                        next_case=lambda case, row: cases.after(case, row, settled),
-                    )
-                ):
-                    rows[str(row["key"])] = row
-                    yield row
-            finally:
-                if is_outdated(directory):
-                    write_tables(directory, rows, self.spec.as_dict())
+            if (first := next(missing, None)) is None:
+                return
+            at_once: int | Callable[[], int] = CASES_PER_WORKER * (workers or cores())
+            if executor is None:
+                place = on if isinstance(on, Place) else Place(on=on, workers=workers)
+                executor = opened.enter_context(executor_on(place))
+                at_once = executor.at_once
+            drawn_s = float("-inf")
+            for row in run_cases(
+                chain([first], missing),
+                add,
+                executor,
+                at_once=at_once,
+                next_case=lambda case, row: cases.after(case, row, settled),
+            ):
+                state.rows.pop(str(row["key"]), None)
+                state.rows[str(row["key"])] = row
+                left -= 1
+                if time.monotonic() - drawn_s > MAP_PERIOD_S:
+                    write_map(directory, self.spec, state.rows, left, is_running=True)
+                    drawn_s = time.monotonic()
+                yield row
+
+
+def write_results(
+    spec: SweepSpec, directory: Path, rows: Mapping[str, Row], left: int, *, redraw: bool = False
+) -> None:
+    """Write the tables and the map, if there are newer rows.
+
+    Args:
+        spec: The specification.
+        directory: Directory of the sweep.
+        rows: Newest rows by key.
+        left: Number of folds that are still to be computed.
+        redraw: True to write them in any case.
+    """
+    if redraw or is_outdated(directory):
+        write_tables(directory, rows, spec.as_dict())
+        write_map(directory, spec, rows, left, is_running=False)
 
 
 def write_spec(spec: SweepSpec, directory: Path) -> None:

@@ -27,6 +27,7 @@ COMMANDS: Final = {
     "worker": "Compute folds for a service, using the service's data directory or database.",
     "fold": "Plan how a chain folds into a shape, and verify the plan.",
     "refold": "Unfold a folded chain and fold it into another shape.",
+    "sweep": "Fold many shapes in many ways, on this machine or a cluster, into one table.",
     "settings": "List the settings for `fold --set NAME=VALUE`.",
     "smooth": "Make a motion shorter and smoother without reducing its clearance.",
     "shape": "Find a path through a shape.",
@@ -49,7 +50,7 @@ COMMANDS: Final = {
 without importing their modules."""
 
 SERVICE_PACKAGES: Final[dict[str, str]] = dict.fromkeys(
-    ("serve", "worker", "play", "movie", "site", "doctor", "admin"), "foldback.server.cli"
+    ("serve", "worker", "sweep", "play", "movie", "site", "doctor", "admin"), "foldback.server.cli"
 )
 """Packages of the commands that need the web service's code or processes; each command is a module
 of its package. All other commands are modules of ``cli``, which imports nothing of the service."""

@@ -6,8 +6,8 @@ import json
 import re
 import tempfile
 from collections import Counter
-from collections.abc import Generator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Generator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -27,7 +27,7 @@ from foldback.planner.storage.file_names import TIMELINE
 from foldback.planner.storage.output_directory import replacing_listed
 from foldback.planner.verification.stored_fold import check_fold
 from foldback.server.cli.play import row_of
-from foldback.server.pages.site import write_site
+from foldback.server.pages import site as pages
 from foldback.server.store.fold_source import LocatedFold
 from foldback.server.submission.shipped_folds import SHIPPED_FOLDS_DIR
 
@@ -78,7 +78,7 @@ def site(
             shipped = _named_apart(shipped)
             if not shipped:
                 raise InputError("no-folds", "got no folds, expected --folds or --finished.")
-            write_site(place, shipped, service)
+            pages.write_site(place, shipped, service)
     except InputError as error:
         refuse(error, as_json)
     except PlannerError as error:
@@ -94,6 +94,23 @@ def site(
     Console(soft_wrap=True, highlight=False).print(
         f"{out}: {number}, {size / 1e6:.1f} MB; open {out / 'index.html'}", markup=False
     )
+
+
+def write_players(out: Path, directories: Sequence[Path]) -> None:
+    """Write pages that play the plans of a sweep, whose map is in the directory above.
+
+    Args:
+        out: Directory of the pages.
+        directories: Directories of folds, whose names are keys.
+    """
+
+    def folds() -> Generator[LocatedFold]:
+        for directory in directories:
+            with suppress(PlannerError), completed(directory) as derived:
+                yield replace(_found(directory, directory.name), derived=derived)
+
+    if directories:
+        pages.write_players(out, folds(), "../index.html")
 
 
 def _check_address(service: str) -> None:

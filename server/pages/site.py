@@ -7,7 +7,7 @@ is recorded, so that its file is written and no link is broken.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -140,6 +140,21 @@ def write_site(out: Path, folds: Sequence[LocatedFold], service_address: str | N
     kiosk_folds = exhibits([ShownFold.of(fold.row) for fold in folds], "folds/{}.html")
     script = entry_of(KIOSK_SCRIPT)
     site.write("kiosk.html", site.rendered("kiosk.html", exhibits=kiosk_folds, script=script))
+    _shared_files(site)
+
+
+def write_players(out: Path, folds: Iterable[LocatedFold], home: str) -> None:
+    """Write pages that play folds.
+
+    Args:
+        out: Directory of the pages and of the files that they share.
+        folds: Finished folds with different ids, after which their pages are named.
+        home: Relative address of the page to which they lead back.
+    """
+    site = Site(out, None)
+    for fold in folds:
+        site.write(f"folds/{fold.row.id}.html", _fold_page(site, fold))
+    site.write("index.html", f'<meta http-equiv="refresh" content="0; url={home}">')
     _shared_files(site)
 
 
