@@ -17,8 +17,6 @@ from functools import cache
 from multiprocessing.connection import Connection
 from typing import Final
 
-import psutil
-
 from foldback.planner.progress import never
 from foldback.planner.sweeps.case import Case, Outcome, Row
 
@@ -147,6 +145,8 @@ os.register_at_fork(after_in_child=_idle.clear)
 
 
 def _resident_bytes(pid: int) -> int:
+    import psutil  # of the extra ``sweep``
+
     with suppress(psutil.Error):
         return psutil.Process(pid).memory_info().rss
     return 0

@@ -22,6 +22,7 @@ from foldback.planner.storage.files import write_whole
 from foldback.planner.sweeps.case import Row, Value
 from foldback.planner.sweeps.cases import PLANS_DIR
 from foldback.planner.sweeps.spec import SweepSpec
+from foldback.planner.sweeps.table import column_names
 
 CELL_PX: Final = 24
 """Width and height of a cell with its margin, in SVG pixels."""
@@ -139,7 +140,7 @@ class SweepMap:
             InputError: ``unknown-column``.
         """
         axes = spec.map_axes()
-        columns = dict.fromkeys(name for row in rows for name in row)
+        columns = column_names(rows)
         for axis in axes if rows else ():
             if axis not in columns:
                 near = get_close_matches(axis, columns, n=3, cutoff=0.4) or columns
@@ -247,11 +248,11 @@ def write_map(
     numbers = {place: number for number, place in enumerate(sweep_map.shares)}
     current.sort(key=lambda row: bool(row.get("verified")))
     shown = current[:MAX_PAGE_ROWS]
-    names = dict.fromkeys(name for row in shown for name in row if name not in HIDDEN_COLUMNS)
     columns = [
         name
-        for name in names
-        if name == "verdict" or any(row.get(name) != shown[0].get(name) for row in shown)
+        for name in column_names(shown)
+        if name == "verdict"
+        or (name not in HIDDEN_COLUMNS and len({row.get(name) for row in shown}) > 1)
     ]
     keys = {str(row["key"]) for row in shown}
     kept = keys & {path.name for path in directory.glob(f"{PLANS_DIR}/*")}

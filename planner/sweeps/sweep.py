@@ -11,8 +11,6 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-import tomli_w
-
 from foldback.planner.cpu_cores import cores
 from foldback.planner.errors import InputError
 from foldback.planner.storage.files import write_whole
@@ -182,6 +180,8 @@ def write_spec(spec: SweepSpec, directory: Path) -> None:
     Raises:
         InputError: ``another-sweep``, if the directory holds another one.
     """
+    import tomli_w  # of the extra ``sweep``
+
     path = directory / SPEC_FILE
     values = spec.as_dict()
     if path.exists():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
@@ -51,6 +51,13 @@ LAST_COLUMNS: Final = {
 vary are before them."""
 
 
+def column_names(rows: Iterable[Row]) -> tuple[str, ...]:
+    """Return the columns of rows, in their order in the table."""
+    types = FIRST_COLUMNS | LAST_COLUMNS
+    others = dict.fromkeys(name for row in rows for name in row if name not in types)
+    return (*FIRST_COLUMNS, *others, *LAST_COLUMNS)
+
+
 def write_tables(directory: Path, rows: Mapping[str, Row], spec: dict[str, Any]) -> None:
     """Write the tables of a sweep.
 
@@ -64,8 +71,7 @@ def write_tables(directory: Path, rows: Mapping[str, Row], spec: dict[str, Any])
     import pyarrow.parquet as pa_parquet
 
     types = FIRST_COLUMNS | LAST_COLUMNS
-    others = dict.fromkeys(name for row in rows.values() for name in row if name not in types)
-    names = (*FIRST_COLUMNS, *others, *LAST_COLUMNS)
+    names = column_names(rows.values())
     arrays = [
         pa.array(
             (row.get(name) for row in rows.values()),

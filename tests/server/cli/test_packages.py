@@ -86,7 +86,13 @@ def test_wheel_carries_data_and_types(wheel: Path) -> None:
         f"foldback/planner/examples/{p.name}" for p in (ROOT / "examples" / "shapes").glob("*.json")
     }
     assert len(shapes) >= 7
-    expected |= {"foldback/py.typed", "foldback/foldback_check.py", "foldback/viewer.py", *shapes}
+    expected |= {
+        "foldback/py.typed",
+        "foldback/foldback_check.py",
+        "foldback/viewer.py",
+        "foldback/sweeps.py",
+    }
+    expected |= shapes
     assert expected <= carried, sorted(expected - carried)
     assert {name.partition("/")[0] for name in carried} == {"foldback", "foldback-0.1.0.dist-info"}
     assert not [name for name in carried if name.endswith((*NOT_INSTALLED, "package.json"))]
@@ -134,9 +140,10 @@ print(foldback.__file__, *(shape.name for shape in gallery()))
 from typer.testing import CliRunner
 from foldback.server.cli.command_line import SERVICE_PACKAGES, application
 for command in SERVICE_PACKAGES:
-    done = CliRunner().invoke(application(), [command, "--help"])
+    rest = ["--shape", "wrench-24"] if command == "sweep" else ["--help"]
+    done = CliRunner().invoke(application(), [command, *rest])
     print(done.exit_code, done.output, end="")
-for name in ("viewer", "client"):
+for name in ("viewer", "client", "sweeps"):
     try:
         import_module(f"foldback.{{name}}")
     except ImportError as error:
@@ -151,11 +158,14 @@ for name in ("viewer", "client"):
     assert sorted(names) == sorted(p.stem for p in (ROOT / "examples" / "shapes").glob("*.json"))
     assert refusals == [
         *(
-            f"2 foldback {command} needs the service: pip install 'foldback[service]'"
+            "2 foldback sweep needs Dask: pip install 'foldback[sweep]'"
+            if command == "sweep"
+            else f"2 foldback {command} needs the service: pip install 'foldback[service]'"
             for command in SERVICE_PACKAGES
         ),
         "foldback.viewer needs viser: pip install 'foldback[viewer]'",
         "foldback.client needs httpx: pip install 'foldback[client]'",
+        "foldback.sweeps needs Dask and Arrow: pip install 'foldback[sweep]'",
     ]
 
 
