@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import logging
+import socket
 import time
 from collections.abc import Callable, Generator, Mapping
 from concurrent.futures import Executor, Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from ipaddress import ip_address
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
+from urllib.parse import urlsplit
 
 from foldback.planner.cpu_cores import cores
 from foldback.planner.errors import InputError
@@ -37,6 +40,7 @@ MIN_CASES_AT_ONCE: Final = 64
 """Number of cases that a cluster is given if it has few workers, since more may come."""
 SLURM: Final = "slurm"
 """Name of the place where a sweep starts its own jobs."""
+log = logging.getLogger("foldback.sweeps")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,15 +134,25 @@ def _check_scheduler(on: str) -> None:
             f"got {on!r}, expected an address such as tcp://head:8786, the scheduler file of "
             "'dask scheduler --scheduler-file', or slurm.",
         )
+    if is_public(on):
+        log.warning("%s is public and has no TLS: others may run programs there. Use tls://.", on)
     try:
         Client(**_target(on), timeout=CONNECT_TIMEOUT).close()
-    except OSError as error:
+    except (OSError, TypeError) as error:  # TypeError: no certificates for tls://
         raise InputError(
             "no-scheduler",
             f"got no answer from the Dask scheduler, expected one within {CONNECT_TIMEOUT}; start "
             f"it with 'dask scheduler', and workers with 'dask worker' ({error}).",
             where=on,
         ) from error
+
+
+def is_public(on: str) -> bool:
+    """Return True for a public address without TLS, through which strangers may run programs."""
+    host = urlsplit(on).hostname
+    with suppress(OSError):
+        return on.startswith("tcp://") and ip_address(socket.gethostbyname(host or "")).is_global
+    return False
 
 
 def _cluster(place: Place) -> SpecCluster:
@@ -150,7 +164,7 @@ def _cluster(place: Place) -> SpecCluster:
         n_workers=place.workers or cores(),
         threads_per_worker=1,
         memory_limit=0,  # cases have limits of their own
-        dashboard_address=None,  # pyright: ignore[reportArgumentType]
+        dashboard_address="127.0.0.1:0",  # its own port, for several sweeps at once
         silence_logs=logging.ERROR,
     )
 
@@ -165,6 +179,7 @@ def _slurm_cluster(place: Place) -> SpecCluster:
         processes=1,
         memory=place.memory,
         walltime=place.walltime,
+        scheduler_options={"dashboard_address": ":0"},
         job_extra_directives=[f"--{name}={value}" for name, value in place.slurm.items()],
     )
     cluster.adapt(maximum_jobs=place.workers or 1)

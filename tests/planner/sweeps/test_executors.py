@@ -5,7 +5,7 @@ from pathlib import Path
 import psutil
 
 from foldback.planner.sweeps.case import Case
-from foldback.planner.sweeps.executors import Place, executor_on
+from foldback.planner.sweeps.executors import Place, executor_on, is_public
 from foldback.planner.sweeps.limited_process import run_limited
 from foldback.planner.sweeps.run import run_cases
 from tests.planner.sweeps import tasks
@@ -35,3 +35,11 @@ def test_killed_worker_is_replaced_and_an_unwanted_case_ends(tmp_path: Path) -> 
 def test_place_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with refused("no-scheduler", match="dask scheduler"), executor_on(Place(on="schedule.json")):
         pass
+
+
+def test_certificates_are_asked_for_and_public_addresses_found() -> None:
+    with refused("no-scheduler", match="TLS"), executor_on(Place(on="tls://127.0.0.1:9")):
+        pass
+    assert is_public("tcp://8.8.8.8:8786")
+    for on in ("tls://8.8.8.8:8786", "tcp://10.0.0.5:8786", "tcp://127.0.0.1:9", "s.json"):
+        assert not is_public(on)
