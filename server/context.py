@@ -89,7 +89,7 @@ class Context(Viewing):
         """Open all resources, each of which ``opened`` closes: the latest first."""
         uploads = opened.enter_context(closing(Uploads(settings)))
         store = opened.enter_context(closing(Store(settings)))
-        leases = Leases.of(settings, store)
+        leases = Leases(settings, store)
         estimates = Estimates(store)
         remaining = EtaEstimator(store, leases, estimates)
         fold_states = opened.enter_context(closing(FoldStates(store, remaining)))

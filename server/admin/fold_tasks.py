@@ -17,6 +17,7 @@ from foldback.server.processes.scratch import Scratch
 from foldback.server.settings import Settings
 from foldback.server.store.fold_files import size_of
 from foldback.server.store.folds import DAY_S, NoSuchFoldError, Store
+from foldback.server.store.leases import Leases
 from foldback.server.store.schema import ENDED, FoldRow, MovieRow, WorkerRow, missing_database
 from foldback.server.submission.parent_folds import COPIED_NAMES
 
@@ -87,8 +88,8 @@ class AdminTasks:
         return self._store.fold(fold_id)
 
     def workers(self) -> Sequence[WorkerRow]:
-        """Return the workers. One that has just died is listed for the duration of a lease."""
-        return self._store.scalars(sa.select(WorkerRow).order_by(WorkerRow.name))
+        """Return the live workers."""
+        return Leases(self._settings, self._store).workers()
 
     def pin(self, fold_id: str, *, pinned: bool) -> None:
         """Pin a fold, so that it does not expire, or unpin it.

@@ -182,7 +182,7 @@ def damaged(data_dir: DataDir = None) -> None:
 @admin.command()
 def workers(as_json: AsJson = False, data_dir: DataDir = None) -> None:
     """List the workers."""
-    column_names = ("name", "host", "pid", "folds_at_once", "version", "beat")
+    column_names = ("name", "host", "pid", "folds_at_once", "version")
     with _tasks(data_dir) as tasks:
         rows: list[dict[str, Any]] = [
             {name: getattr(row, name) for name in column_names}

@@ -19,7 +19,12 @@ from foldback.server.limits.disk_space import free_space
 from foldback.server.ops.readiness import check_folder
 from foldback.server.settings import Settings
 from foldback.server.store.object_store import open_storage
-from foldback.server.store.schema import missing_database, reading_connection
+from foldback.server.store.schema import (
+    PoolerError,
+    check_sessions,
+    missing_database,
+    reading_connection,
+)
 from foldback.server.store.schema_version import Schema
 from foldback.server.store.staged_files import restored_number
 
@@ -91,7 +96,15 @@ def database(settings: Settings) -> CheckResult:
         return ok(f"{missing} will be created")
     try:
         with reading_connection(url) as connection:
+            if connection.dialect.name == "postgresql":
+                check_sessions(url)
             return _schema(url, connection)
+    except PoolerError as error:
+        return problem(
+            f"{_shown(url)}: {error}",
+            "Set FOLDBACK_DATABASE_URL to the address of PostgreSQL, or let the pooler keep a "
+            "session for each connection.",
+        )
     except (SQLAlchemyError, ModuleNotFoundError) as error:
         return _unusable(url, error)
 

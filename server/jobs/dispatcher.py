@@ -16,11 +16,11 @@ from foldback.server.jobs.retry import retry_until_available
 from foldback.server.jobs.runner import Runner
 from foldback.server.ops.logs import about
 from foldback.server.ops.tracing import span
+from foldback.server.store.leases import Lease
 from foldback.server.store.schema import passes
 
-QUEUE_POLL_S: Final = 0.1
-"""Time between two checks of a worker for waiting jobs, in s. A job waits half of it on average. A
-smaller value takes more processor time while there is nothing to do."""
+RETRY_S: Final = 0.1
+"""Time after an unexpected error of a job before it goes back into the queue, in s."""
 log = logging.getLogger("foldback.worker")
 
 
@@ -32,7 +32,7 @@ class Dispatcher:
         runner: Computes folds.
         movies: Makes movies.
         worker: Name of this worker.
-        places: Maximum number of jobs of each lane that are computed at the same time.
+        folds_at_once: Maximum number of long folds, and of quick ones, at the same time.
     """
 
     def __init__(
@@ -42,26 +42,36 @@ class Dispatcher:
         movies: MovieJobs,
         *,
         worker: str,
-        places: dict[Lane, int],
+        folds_at_once: int,
     ) -> None:
         self._queue = queue
         self._runner = runner
         self._movies = movies
         self._worker = worker
-        self._free = dict(places)
-        self._total = sum(places.values())
+        # One movie: software OpenGL and the encoder occupy all cores of a small machine.
+        self._free = {Lane.LONG: folds_at_once, Lane.QUICK: folds_at_once, Lane.MOVIES: 1}
+        self._total = sum(self._free.values())
         self._changed = threading.Condition()
+        self._woken = False
         self._closed = False
 
-    def start(self) -> None:
-        """Start taking jobs."""
-        threading.Thread(target=self._take_jobs, name="dispatcher", daemon=True).start()
+    def start(self, lease: Lease) -> None:
+        """Start taking jobs, while the lease of this worker is held."""
+        threading.Thread(
+            target=self._take_jobs, args=(lease,), name="dispatcher", daemon=True
+        ).start()
+
+    def wake(self) -> None:
+        """Look for jobs now."""
+        with self._changed:
+            self._woken = True
+            self._changed.notify_all()
 
     def close(self) -> None:
         """Take no more jobs; running ones continue."""
         with self._changed:
             self._closed = True
-            self._changed.notify_all()
+        self.wake()
 
     def wait_idle(self, timeout_s: float) -> bool:
         """Wait until no job is running; return False on a timeout."""
@@ -73,12 +83,12 @@ class Dispatcher:
         """Number of jobs that are being computed."""
         return self._total - sum(self._free.values())
 
-    def _take_jobs(self) -> None:
+    def _take_jobs(self, lease: Lease) -> None:
         is_logged = False
         while not self._closed:
-            took = False
+            self._woken = took = False
             try:
-                if self._queue.has_work():
+                if lease.held and self._queue.has_work():
                     for lane in Lane:
                         took |= self._take(lane)
                 is_logged = False
@@ -90,13 +100,12 @@ class Dispatcher:
                 is_logged = True
             if not took:
                 with self._changed:
-                    self._changed.wait(QUEUE_POLL_S)
+                    self._changed.wait_for(lambda: self._woken, lease.queue_poll_s)
 
     def _take(self, lane: Lane) -> bool:
         """Start the next job of a lane; return False if there is no free slot or no job."""
-        with self._changed:
-            if self._closed or not self._free[lane]:
-                return False
+        if self._closed or not self._free[lane]:
+            return False
         claim = self._queue.claim(lane, self._worker)
         if claim is None:
             return False
@@ -118,10 +127,10 @@ class Dispatcher:
         except Exception as error:
             if not isinstance(error, NotFinishedError):
                 log.exception("job %s goes back to the queue", claim.execution)
-                time.sleep(QUEUE_POLL_S)
+                time.sleep(RETRY_S)
             # No effect if another execution has the job or it is already in the queue.
             retry_until_available(lambda: self._queue.hand_back(claim))
         finally:
             with self._changed:
                 self._free[lane] += 1
-                self._changed.notify_all()
+            self.wake()

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from typing import Final, TypeVar
 
-from sqlalchemy.exc import SQLAlchemyError
+import tenacity
 
 from foldback.server.store.object_store import StorageError
 from foldback.server.store.schema import passes
@@ -26,7 +26,7 @@ log = logging.getLogger("foldback.worker")
 
 
 def retry_until_available(
-    do: Callable[[], Answer], *, wait: Callable[[float], object] = time.sleep
+    do: Callable[[], Answer], *, wait: Callable[[float], None] = time.sleep
 ) -> Answer:
     """Call ``do`` and return its result; repeat it while database, storage or disk fail.
 
@@ -34,16 +34,20 @@ def retry_until_available(
         do: Function that may be called any number of times.
         wait: Waits for the given seconds before the next attempt.
     """
-    is_logged = False
-    while True:
-        try:
-            return do()
-        except (SQLAlchemyError, StorageError, OSError) as error:
-            if isinstance(error, OSError) and error.errno not in TRANSIENT_ERRNOS:
-                raise
-            if isinstance(error, SQLAlchemyError) and not passes(error):
-                raise
-            if not is_logged:
-                log.warning("database or storage does not answer, waiting: %s", error)
-            is_logged = True
-        wait(RETRY_INTERVAL_S)
+    return tenacity.Retrying(
+        retry=tenacity.retry_if_exception(_is_transient),
+        wait=tenacity.wait_fixed(RETRY_INTERVAL_S),
+        sleep=wait,
+        before_sleep=_log_first,
+    )(do)
+
+
+def _is_transient(error: BaseException) -> bool:
+    if isinstance(error, OSError):
+        return error.errno in TRANSIENT_ERRNOS
+    return isinstance(error, StorageError) or passes(error)
+
+
+def _log_first(state: tenacity.RetryCallState) -> None:
+    if state.attempt_number == 1 and state.outcome:
+        log.warning("database or storage does not answer, waiting: %s", state.outcome.exception())

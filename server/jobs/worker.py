@@ -1,6 +1,6 @@
 """Worker: a process that takes folds and movies from the queue and computes them.
 
-It sends heartbeats, and puts jobs of workers without heartbeats back into the queue.
+It holds a lock as long as it lives, and puts jobs of workers without one back into the queue.
 """
 
 from __future__ import annotations
@@ -8,16 +8,17 @@ from __future__ import annotations
 import errno
 import logging
 import os
-import socket
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from types import FrameType
+from typing import Final
 
 from foldback.server.jobs.dispatcher import Dispatcher
 from foldback.server.jobs.housekeeping import Housekeeping
 from foldback.server.jobs.movie_runner import MovieJobs
-from foldback.server.jobs.queue import Lane, Queue
+from foldback.server.jobs.queue import Queue
 from foldback.server.jobs.runner import Runner
 from foldback.server.ops.leash import Leash
 from foldback.server.ops.logs import set_up_logs
@@ -27,54 +28,27 @@ from foldback.server.ops.tracing import send_rest, start_tracing
 from foldback.server.processes.limits import keep_secrets
 from foldback.server.settings import Settings
 from foldback.server.store.folds import Store
-from foldback.server.store.leases import Leases
-from foldback.server.store.worker_identity import WorkerIdentities
+from foldback.server.store.leases import Lease, Leases, new_worker_name
 
+RECOVERY_POLL_S: Final = 0.4
+"""Time between two searches for folds of dead workers, in s."""
+SWEEP_S: Final = 60.0
+"""Time between two searches for files and rows to delete, in s."""
 log = logging.getLogger("foldback.worker")
 
 
-class _LeaseMonitor:
-    """Heartbeat of this worker, and recovery of the jobs of expired ones."""
-
-    def __init__(self, settings: Settings, store: Store, queue: Queue, name: str) -> None:
-        self._settings = settings
-        self._store = store
-        self._queue = queue
-        self._name = name
-        self._leases = Leases.of(settings, store)
-        self._housekeeping = Housekeeping(settings, store)
-        self._swept_at = time.monotonic()
-
-    def heartbeat(self) -> None:
-        """Send a heartbeat of this worker."""
-        at_once = self._settings.folds_per_worker
-        self._leases.heartbeat(
-            self._name, host=socket.gethostname()[:200], pid=os.getpid(), folds_at_once=at_once
-        )
-
-    def deregister(self) -> None:
-        """Deregister this worker."""
-        self._leases.deregister(self._name)
-
-    def take_back(self, worker: str) -> None:
-        """Put the jobs of a worker that has died back into the queue."""
-        for fold_id, epoch in self._queue.hand_back_all(worker, lost=True):
-            self._store.folders.leave(fold_id, epoch)
-
-    def recover_and_sweep(self) -> None:
-        """Put jobs of expired workers back into the queue; sweep if due."""
-        holders = self._queue.holders()
-        for dead in self._leases.expired(holders) - {self._name}:
-            if dead in holders:
-                log.info("taking over the folds of %s", dead)
-                self.take_back(dead)
-            self._leases.deregister(dead)
-        if time.monotonic() - self._swept_at >= 60.0:
-            self._swept_at = time.monotonic()
-            self._housekeeping.sweep()
+def recover(store: Store, queue: Queue, leases: Leases, lease: Lease) -> None:
+    """Put the jobs of dead workers back into the queue."""
+    holders = queue.holders()
+    lost = holders - leases.living(holders)
+    # Asked last: if all sessions have ended meanwhile, this worker's has, too.
+    for dead in lost if lease.settled else ():
+        log.info("taking over the folds of %s", dead)
+        for fold_id, epoch in queue.hand_back_all(dead, lost=True):
+            store.folders.leave(fold_id, epoch)
 
 
-def _repeat(stopping: threading.Event, every_s: float, do: Callable[[], None], task: str) -> None:
+def _repeat(stopping: threading.Event, every_s: float, do: Callable[[], object], task: str) -> None:
     """Repeat a call in a thread; log its errors."""
 
     def loop() -> None:
@@ -107,32 +81,20 @@ def work(settings: Settings, *, leash: Leash | None = None) -> None:
         store = Store(settings)
         runner = Runner(settings, store)
         runner.prewarm()
-        identity = WorkerIdentities(settings).take()
-        set_up_logs(settings, worker=identity.name)
+        name = new_worker_name()
+        set_up_logs(settings, worker=name)
         start_tracing(settings)
-        queue = Queue(store)
-        monitor = _LeaseMonitor(settings, store, queue, identity.name)
-        monitor.take_back(identity.name)  # jobs of an earlier process of this name
+        queue, leases = Queue(store), Leases(settings, store)
+        movies, at_once = MovieJobs(settings, store), settings.folds_per_worker
+        dispatcher = Dispatcher(queue, runner, movies, worker=name, folds_at_once=at_once)
+        lease = leases.take(name, on_notice=dispatcher.wake)
     signal_count = _signals(leash)
-    dispatcher = Dispatcher(
-        queue,
-        runner,
-        MovieJobs(settings, store),
-        worker=identity.name,
-        places={
-            Lane.LONG: settings.folds_per_worker,
-            Lane.QUICK: settings.folds_per_worker,
-            # One at a time: software OpenGL and the encoder occupy all cores of a small machine.
-            Lane.MOVIES: 1,
-        },
-    )
     stopping = threading.Event()
-    monitor.heartbeat()
-    dispatcher.start()
-    _repeat(stopping, settings.lease_s / 5, monitor.heartbeat, "sending heartbeats")
-    recovery_poll_s = min(2.0, settings.lease_s / 8)
-    _repeat(stopping, recovery_poll_s, monitor.recover_and_sweep, "checking for expired workers")
-    log.info("worker %s is ready", identity.name)
+    dispatcher.start(lease)
+    look = partial(recover, store, queue, leases, lease)
+    _repeat(stopping, RECOVERY_POLL_S, look, "checking for dead workers")
+    _repeat(stopping, SWEEP_S, Housekeeping(settings, store).sweep, "housekeeping")
+    log.info("worker %s is ready", name)
     signal_count.acquire()
     dispatcher.close()
     deadline = time.monotonic() + settings.drain_s
@@ -140,13 +102,12 @@ def work(settings: Settings, *, leash: Leash | None = None) -> None:
         dispatcher.active and time.monotonic() < deadline and not signal_count.acquire(timeout=0.1)
     ):
         pass
-    log.info("worker %s ends; %d jobs go back to the queue", identity.name, dispatcher.active)
+    log.info("worker %s ends; %d jobs go back to the queue", name, dispatcher.active)
     stopping.set()
     runner.stop()
     dispatcher.wait_idle(2.0)
     try:
-        queue.hand_back_all(identity.name, lost=False)
-        monitor.deregister()
+        queue.hand_back_all(name, lost=False)
     except Exception:
         log.exception("jobs could not be returned to the queue; other workers will take them over")
     send_rest()

@@ -82,11 +82,12 @@ def starting(service: str) -> Generator[None]:
     from sqlalchemy.exc import DBAPIError
 
     from foldback.server.store.object_store import StorageError
+    from foldback.server.store.schema import PoolerError
     from foldback.server.store.schema_version import NewerSchemaError
 
     try:
         yield
-    except NewerSchemaError as error:
+    except (NewerSchemaError, PoolerError) as error:
         reason = str(error)
     except StorageError as error:
         reason = f"{error}."

@@ -1,118 +1,143 @@
-"""Leases: detection of live and expired workers on all machines.
+"""Leases: locks by which workers are known to live, and rows that describe them.
 
-A live worker increments the counter in its row. If the counter does not change for the duration of
-a lease, measured by the observer's monotonic clock, the worker has expired. On the same machine the
-locks of ``server.store.worker_identity`` show this at once.
+The kernel or the database releases the lock of a dead worker, so nobody compares clocks. With
+PostgreSQL the lock belongs to a session (``server.store.session_lock``). With SQLite all workers
+run on one machine, and the lock is that of an open file.
 """
 
 from __future__ import annotations
 
-import threading
+import os
+import secrets
+import socket
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection
+from fcntl import LOCK_EX, LOCK_NB, LOCK_SH, flock
 from importlib.metadata import version
+from pathlib import Path
+from typing import TypeAlias
 
 import sqlalchemy as sa
 
 from foldback.server.settings import Settings
-from foldback.server.store.folds import Store, rows_of
-from foldback.server.store.schema import WorkerRow
-from foldback.server.store.worker_identity import WorkerIdentities
+from foldback.server.store.folds import Store
+from foldback.server.store.schema import WorkerRow, check_sessions
+from foldback.server.store.session_lock import SessionLock, held_names
+
+
+class FileLease:
+    """Lease by the lock of a file, which the kernel releases when the process ends.
+
+    Args:
+        path: The file. Its name is never used again, so others that ask for the lock, which they
+            take for a moment, take it from nobody.
+
+    Attributes:
+        descriptor: Descriptor of the open file.
+        held: True while the lock is held.
+        settled: True if other live workers hold theirs, too.
+        queue_poll_s: Time between two checks for waiting jobs, s. A job waits half of it on average
+            if there are no notices. A smaller value takes more processor time.
+    """
+
+    held = settled = True
+    queue_poll_s = 0.1
+
+    def __init__(self, path: Path) -> None:
+        path.parent.mkdir(exist_ok=True)
+        for other in path.parent.glob("[!.]*"):
+            if not _locked(other):
+                other.unlink(missing_ok=True)
+        unlocked = path.with_name(f".{path.name}")
+        self.descriptor = os.open(unlocked, os.O_WRONLY | os.O_CREAT, 0o600)
+        flock(self.descriptor, LOCK_EX)
+        unlocked.rename(path)
+
+
+Lease: TypeAlias = FileLease | SessionLock
+
+
+def new_worker_name() -> str:
+    """Return a name for a worker: that of its machine, and a random part."""
+    return f"{socket.gethostname()[:100]}/{secrets.token_hex(6)}"
 
 
 class Leases:
-    """Rows of the workers. Thread-safe.
+    """Workers of a service. Thread-safe.
 
     Args:
+        settings: The settings.
         store: Store with the rows.
-        identities: The workers of this machine.
-        lease_s: Time without a heartbeat after which a worker counts as dead, s.
-        clock: Monotonic clock in seconds.
     """
 
-    def __init__(
-        self,
-        store: Store,
-        identities: WorkerIdentities,
-        lease_s: float,
-        *,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
+    def __init__(self, settings: Settings, store: Store) -> None:
+        self._settings = settings
         self._store = store
-        self._identities = identities
-        self._lease_s = lease_s
-        self._clock = clock
-        self._lock = threading.Lock()
-        self._beats: dict[str, tuple[int | None, float]] = {}
-        self._looked_at = clock()
+        self._on_server = settings.store_url.startswith("postgresql")
 
-    @classmethod
-    def of(cls, settings: Settings, store: Store) -> Leases:
-        """Return the leases of a service with these settings."""
-        return cls(store, WorkerIdentities(settings), settings.lease_s)
+    def take(self, name: str, *, on_notice: Callable[[], None]) -> Lease:
+        """Begin the lease of a worker; it lasts until the process ends.
 
-    def heartbeat(self, name: str, *, host: str, pid: int, folds_at_once: int) -> None:
-        """Increment the heartbeat counter of a worker."""
-        about = {"host": host, "pid": pid, "folds_at_once": folds_at_once}
-        with self._store.changing() as session:
-            update = sa.update(WorkerRow).where(WorkerRow.name == name, WorkerRow.pid == pid)
-            if rows_of(session.execute(update.values(beat=WorkerRow.beat + 1, **about))):
-                return
-            # It has just started, or another process took it for dead and deleted its row.
-            session.execute(sa.delete(WorkerRow).where(WorkerRow.name == name))
-            session.add(
-                WorkerRow(
-                    name=name,
-                    beat=1,
-                    started_at=time.time(),
-                    version=version("foldback"),
-                    **about,
-                )
-            )
+        Args:
+            name: Name of the worker, which no other one has had.
+            on_notice: Called in a thread when a job may wait; never with SQLite.
 
-    def deregister(self, name: str) -> None:
-        """Deregister a worker."""
-        with self._store.changing() as session:
-            session.execute(sa.delete(WorkerRow).where(WorkerRow.name == name))
+        Raises:
+            PoolerError: If the database's address is that of a pooler.
+        """
+        if not self._on_server:
+            lease = FileLease(self._path(name))
+            self._register(name)
+            return lease
+        url, lease_s = self._settings.store_url, self._settings.lease_s
+        check_sessions(url)
+        return SessionLock(
+            url, name, lease_s, on_taken=lambda: self._register(name), on_notice=on_notice
+        )
+
+    def living(self, names: Collection[str]) -> set[str]:
+        """Return those of the names that live workers hold."""
+        if not names or not self._on_server:
+            return {name for name in names if _locked(self._path(name))}
+        with self._store.reading() as session:
+            return held_names(session.connection(), names)
 
     def workers(self) -> list[WorkerRow]:
-        """Return the workers that are not known to be dead."""
-        rows = list(self._store.scalars(sa.select(WorkerRow).order_by(WorkerRow.name)))
-        silent = self._silent({row.name: row.beat for row in rows})
-        return [row for row in rows if row.name not in silent]
-
-    def expired(self, holders: Iterable[str]) -> set[str]:
-        """Return the expired workers among those with a row and ``holders`` of folds.
-
-        Call this several times per lease. After a longer pause the leases start again, because the
-        database may have been unavailable for heartbeats as well.
-        """
-        rows = self._store.rows(sa.select(WorkerRow.name, WorkerRow.beat))
-        beats: dict[str, int | None] = {row.name: row.beat for row in rows}
-        for name in holders:
-            beats.setdefault(name, None)
-        now = self._clock()
-        with self._lock:
-            if now - self._looked_at > self._lease_s / 2.0:
-                self._beats = {name: (beat, now) for name, (beat, _) in self._beats.items()}
-            self._looked_at = now
-        return self._silent(beats)
+        """Return the live workers."""
+        rows = self._store.scalars(sa.select(WorkerRow).order_by(WorkerRow.name))
+        living = self.living([row.name for row in rows])
+        return [row for row in rows if row.name in living]
 
     def at_once(self) -> int:
         """Return the number of folds that all live workers compute at the same time."""
         return sum(row.folds_at_once for row in self.workers())
 
-    def _silent(self, beats: dict[str, int | None]) -> set[str]:
-        local = self._identities.dead(beats)
-        now = self._clock()
-        silent: set[str] = set()
-        with self._lock:
-            for name, beat in beats.items():
-                last_beat = self._beats.get(name)
-                if last_beat is None or last_beat[0] != beat:
-                    self._beats[name] = (beat, now)
-                elif now - last_beat[1] >= self._lease_s:
-                    silent.add(name)
-            for name in self._beats.keys() - beats.keys():
-                del self._beats[name]
-        return silent | local
+    def _register(self, name: str) -> None:
+        """Describe a worker in its row; delete the rows of dead ones."""
+        others = [row.name for row in self.workers() if row.name != name]
+        row = WorkerRow(
+            name=name,
+            host=socket.gethostname()[:200],
+            pid=os.getpid(),
+            folds_at_once=self._settings.folds_per_worker,
+            started_at=time.time(),
+            version=version("foldback"),
+        )
+        with self._store.changing() as session:
+            session.execute(sa.delete(WorkerRow).where(WorkerRow.name.not_in(others)))
+            session.add(row)
+
+    def _path(self, name: str) -> Path:
+        return self._settings.root / "workers" / name.rpartition("/")[2]
+
+
+def _locked(path: Path) -> bool:
+    """Return True if a live process holds the lock of a file."""
+    try:
+        with open(path) as file:
+            flock(file, LOCK_SH | LOCK_NB)
+    except FileNotFoundError:
+        return False
+    except BlockingIOError:
+        return True
+    return False

@@ -155,18 +155,13 @@ ENDED = frozenset({"verified", "failed", "cancelled"})
 
 
 class WorkerRow(Base):
-    """A live worker, or one that has just died; a live one increments ``beat``.
-
-    Heartbeats are a counter instead of a time, so that observers can detect dead workers by their
-    own monotonic clocks, even if the clocks of the machines differ.
-    """
+    """Description of a worker that lives, or lived a while ago; see ``server.store.leases``."""
 
     __tablename__ = "workers"
 
     name: Mapped[str] = mapped_column(sa.String(200), primary_key=True)
     host: Mapped[str] = mapped_column(sa.String(200))
     pid: Mapped[int]
-    beat: Mapped[int] = mapped_column(sa.BigInteger)
     folds_at_once: Mapped[int]
     started_at: Mapped[float]
     version: Mapped[str] = mapped_column(sa.String(32))
@@ -299,6 +294,10 @@ class SecretRow(Base):
     value: Mapped[bytes] = mapped_column(sa.LargeBinary)
 
 
+class PoolerError(Exception):
+    """The address of the database is that of a pooler."""
+
+
 READ_ONLY_QUERY: Final = "mode=ro&uri=true"
 """URL parameters with which SQLite opens a database for reading only."""
 MISSING_LOG_ERRORS: Final = ("unable to open", "readonly database")
@@ -362,6 +361,23 @@ def reading_connection(url: str) -> Generator[sa.Connection]:
             yield connection
     finally:
         engine.dispose()
+
+
+def check_sessions(url: str) -> None:
+    """Check that a connection to PostgreSQL keeps its session, and thus its locks.
+
+    Raises:
+        PoolerError: If a pooler gives each transaction another session.
+    """
+    pid = sa.select(sa.func.pg_backend_pid())
+    with reading_connection(url) as first, reading_connection(url) as second:
+        before = first.scalar(pid)
+        first.commit()
+        if second.scalar(pid) == before or first.scalar(pid) != before:
+            raise PoolerError(
+                "got the address of a pooler that gives each transaction another session, expected "
+                "that of PostgreSQL itself, whose locks tell which workers live."
+            )
 
 
 def is_read_only(engine: sa.Engine) -> bool:

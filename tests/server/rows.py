@@ -1,5 +1,6 @@
 """Rows for tests without a service."""
 
+import os
 import shutil
 import threading
 import time
@@ -15,10 +16,11 @@ from sqlalchemy import event
 from foldback.server.settings import Settings
 from foldback.server.store import schema_version
 from foldback.server.store.folds import Store, new_id
+from foldback.server.store.leases import FileLease, Lease, Leases
 from foldback.server.store.owner import Claim, Owner
 from foldback.server.store.previews import SWEEPING_THREAD
 from foldback.server.store.schema import FoldRow, MovieRow
-from tests.server.service_process import Service
+from tests.server.service_process import Service, wait_until
 
 SOMEBODY = Owner.from_token("a token of somebody")
 
@@ -99,8 +101,8 @@ NEXT_MIGRATION = """
 import sqlalchemy as sa
 from alembic import op
 
-revision = "0003"
-down_revision = "0002"
+revision = "0004"
+down_revision = "0003"
 
 
 def upgrade():
@@ -113,7 +115,7 @@ def upgrade():
 def next_migration(place: Path) -> Iterator[None]:
     """Add a newer version of the tables to those that foldback knows, as a later release does."""
     migrations = shutil.copytree(schema_version.MIGRATIONS, place / "migrations")
-    (migrations / "versions" / "0003_colours.py").write_text(NEXT_MIGRATION)
+    (migrations / "versions" / "0004_colours.py").write_text(NEXT_MIGRATION)
     with patch.object(schema_version, "MIGRATIONS", migrations):
         schema_version.known_versions.cache_clear()
         try:
@@ -125,6 +127,18 @@ def next_migration(place: Path) -> Iterator[None]:
 def store_of(service: Service) -> closing[Store]:
     """Return the store of a service, for a ``with`` statement."""
     return closing(Store(Settings(data_dir=service.data_dir)))
+
+
+@contextmanager
+def live_worker(leases: Leases, name: str) -> Iterator[Lease]:
+    """Hold the lease of a worker in this process."""
+    lease = leases.take(name, on_notice=lambda: None)
+    try:
+        wait_until(lambda: lease.held and leases.living([name]))
+        yield lease
+    finally:
+        # As the kernel does when a process ends.
+        os.close(lease.descriptor) if isinstance(lease, FileLease) else lease.close()
 
 
 def new_owner() -> Owner:

@@ -1,6 +1,7 @@
 """Administration: an operator lists, deletes, pins and requeues folds, without side effects."""
 
 import json
+import os
 import time
 from contextlib import closing
 from pathlib import Path
@@ -20,7 +21,7 @@ from foldback.server.store.leases import Leases
 from foldback.server.store.owner import Owner
 from foldback.server.store.schema import FoldRow, MovieRow
 from foldback.server.submission.shipped_folds import import_shipped_folds
-from tests.server.rows import a_fold, a_movie
+from tests.server.rows import a_fold, a_movie, live_worker
 
 DAY_S = 86400.0
 TOKEN = "a-token-that-must-not-be-seen"
@@ -165,11 +166,9 @@ def test_workers_are_listed_and_bad_databases_reported(
     place: Path, store: Store, tmp_path: Path
 ) -> None:
     assert run(place, "workers").stdout == "No worker is running.\n"
-    leases = Leases.of(Settings(data_dir=place), store)
-    leases.heartbeat("one", host="far away", pid=1, folds_at_once=2)
-    assert [value["name"] for value in json.loads(run(place, "workers", "--json").stdout)] == [
-        "one"
-    ]
+    with live_worker(Leases(Settings(data_dir=place), store), "one"):
+        (worker,) = json.loads(run(place, "workers", "--json").stdout)
+    assert (worker["name"], worker["pid"]) == ("one", os.getpid())
     nowhere = tmp_path / "nowhere"
     refused_run = run(nowhere, "list")
     assert (refused_run.exit_code, "no database" in refused_run.stderr) == (1, True)

@@ -379,7 +379,7 @@ def test_backup_holds_the_latest_rows_and_no_links(small: Site, tmp_path: Path) 
 def test_migration_is_announced_before_it_is_done(tmp_path: Path) -> None:
     site = Site(tmp_path / "data")
     result = site.run("migrate", "--check")
-    assert result.exit_code == 3 and "version 0002" in result.stdout
+    assert result.exit_code == 3 and "version 0003" in result.stdout
     assert not site.data_dir.exists()
     assert "expected rows to back up" in site.run("backup", tmp_path / "copy").stderr
     site.settings.make_directories()
@@ -390,10 +390,10 @@ def test_migration_is_announced_before_it_is_done(tmp_path: Path) -> None:
     with next_migration(tmp_path):
         result = site.run("migrate", "--check")
         assert result.exit_code == 3
-        assert result.stdout == "would migrate the database to version 0003\n"
+        assert result.stdout == "would migrate the database to version 0004\n"
         assert site.run("backup", tmp_path / "copy").exit_code == 0  # before the upgrade
         assert "foldback admin migrate" in site.run("list").stderr
-        assert site.run("migrate").stdout == "migrated the database to version 0003\n"
+        assert site.run("migrate").stdout == "migrated the database to version 0004\n"
         assert site.run("migrate", "--check").stdout == current
         assert site.run("restore", "--replace", tmp_path / "copy").exit_code == 0
         assert site.run("migrate", "--check").stdout == current

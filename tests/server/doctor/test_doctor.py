@@ -145,7 +145,7 @@ def test_schema_behind_or_ahead_is_reported(tmp_path: Path) -> None:
     migrate(engine)
     assert data.database(given_settings).verdict == "ok"
     with next_migration(tmp_path):
-        check_finding(data.database(given_settings), "warning", "version 0002, ", "foldback serve")
+        check_finding(data.database(given_settings), "warning", "version 0003, ", "foldback serve")
         migrate(engine)
         assert data.database(given_settings).verdict == "ok"
     with engine.begin() as connection:

@@ -1,6 +1,7 @@
 """Estimated remaining time of folds: one source for previews, comparisons and the folds."""
 
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,22 +21,29 @@ from foldback.server.store.estimates import (
 )
 from foldback.server.store.folds import Store
 from foldback.server.store.leases import Leases
-from foldback.server.store.worker_identity import WorkerIdentities
-from tests.server.rows import SOMEBODY, a_fold
-from tests.server.store.test_leases import Clock
+from tests.server.rows import SOMEBODY, a_fold, live_worker
 
 USUAL = {"read": 0.5, "explode": 8.0, "play_back": 4.0, "certify": 2.0, "export": 0.5}
 NOW = 1_000_000.0
 
 
+class Clock:
+    """Clock that advances only on request."""
+
+    def __init__(self, now: float) -> None:
+        self.now = now
+
+    def __call__(self) -> float:
+        return self.now
+
+
 class Folds:
     """Folds of a store whose remaining time is estimated, with a clock that tests advance."""
 
-    def __init__(self, place: Path, store: Store) -> None:
+    def __init__(self, store: Store, leases: Leases) -> None:
         self.store = store
         self.clock = Clock(NOW)
-        self._leases = Leases(store, WorkerIdentities(Settings(data_dir=place)), 1000.0)
-        self._leases.heartbeat("one", host="here", pid=1, folds_at_once=1)
+        self._leases = leases
         self.remaining = self.new_estimator()
 
     def new_estimator(self, estimates: Estimates | None = None) -> EtaEstimator:
@@ -75,8 +83,10 @@ class Folds:
 
 
 @pytest.fixture
-def folds(tmp_path: Path, store: Store) -> Folds:
-    return Folds(tmp_path, store)
+def folds(tmp_path: Path, store: Store) -> Iterator[Folds]:
+    leases = Leases(Settings(data_dir=tmp_path), store)
+    with live_worker(leases, "one"):
+        yield Folds(store, leases)
 
 
 def test_remaining_uses_only_similar_folds(folds: Folds) -> None:

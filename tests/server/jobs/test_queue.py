@@ -3,16 +3,27 @@
 import random
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
+import psycopg
 import pytest
+import sqlalchemy as sa
 
 from foldback.planner.progress import STAGES
+from foldback.server.jobs.dispatcher import Dispatcher
 from foldback.server.jobs.queue import FoldClaim, Lane, MovieClaim, Queue
+from foldback.server.jobs.worker import recover
 from foldback.server.limits.fair_queue import QUICK_FOLD_S
+from foldback.server.settings import Settings
 from foldback.server.store.folds import Store
-from foldback.server.store.schema import FoldRow
-from tests.server.rows import SOMEBODY, a_fold, a_movie, scans, statements
+from foldback.server.store.leases import Leases
+from foldback.server.store.schema import JOBS_CHANNEL, FoldRow
+from tests.server.postgres import Postgres
+from tests.server.rows import SOMEBODY, a_fold, a_movie, live_worker, scans, statements
+from tests.server.service_process import TIMEOUT_S, wait_until
 
 
 @pytest.fixture
@@ -167,3 +178,75 @@ def test_check_for_jobs_reads_an_index_only(store: Store) -> None:
         assert [queue.claim(lane, "one") for lane in Lane] == [None] * 3
         assert queue.holders() == set()
     assert set(scans(store, queries)) <= {"SCAN CONSTANT ROW"}
+
+
+@pytest.mark.processes
+def test_workers_are_notified_of_jobs_that_wait_only(tmp_path: Path, postgres: Postgres) -> None:
+    url = postgres.migrated()
+    with closing(Store(Settings(data_dir=tmp_path, database_url=url))) as store:
+        queue = Queue(store)
+        with psycopg.connect(url, autocommit=True) as listener:
+            listener.execute(f"LISTEN {JOBS_CHANNEL}".encode())
+
+            def notices() -> int:
+                with store.changing() as session:
+                    session.execute(sa.select(sa.func.pg_notify(JOBS_CHANNEL, "end")))
+                arrived = iter(listener.notifies(timeout=TIMEOUT_S))
+                return sum(1 for _ in iter(lambda: next(arrived).payload, "end"))
+
+            add(store, "a")
+            assert notices() == 1
+            claim = claim_fold(queue)
+            assert queue.keep(claim, stage="explode", files=1)
+            store.report("a", 1, {"frames": 1})
+            assert notices() == 0
+            queue.hand_back(claim)
+            assert notices() == 1
+            queue.release(claim_fold(queue))
+            with store.changing() as session:
+                session.add(a_movie("a", "m", status="queued"))
+            assert notices() == 2
+
+
+class Lease:
+    """Lease that tests give and take."""
+
+    queue_poll_s = 0.01
+    settled = False
+
+    def __init__(self) -> None:
+        self.asked = 0
+        self.held_now = False
+
+    @property
+    def held(self) -> bool:
+        self.asked += 1
+        return self.held_now
+
+
+def test_worker_takes_jobs_only_while_it_holds_its_name(store: Store) -> None:
+    queue, lease = Queue(store), Lease()
+    add(store, "a")
+    dispatcher = Dispatcher(queue, Mock(), Mock(), worker="one", folds_at_once=1)
+    dispatcher.start(lease)
+    wait_until(lambda: lease.asked > 3)
+    assert queue.holders() == set()
+    lease.held_now = True
+    wait_until(lambda: queue.holders() == {"one"})
+    dispatcher.close()
+    wait_until(lambda: not [t for t in threading.enumerate() if t.name == "dispatcher"])
+
+
+def test_jobs_of_dead_workers_are_taken_over_once_all_had_time_to_return(
+    each_settings: Settings, store: Store
+) -> None:
+    queue, leases, lease = Queue(store), Leases(each_settings, store), Lease()
+    for name in ("dead", "live"):
+        add(store, name)
+        claim_fold(queue, worker=name)
+    with live_worker(leases, "live"):
+        recover(store, queue, leases, lease)
+        assert queue.holders() == {"dead", "live"}
+        lease.settled = True
+        recover(store, queue, leases, lease)
+        assert queue.holders() == {"live"}

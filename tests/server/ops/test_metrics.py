@@ -15,9 +15,8 @@ from foldback.server.ops.supervisor import environment_of_worker
 from foldback.server.settings import Settings
 from foldback.server.store.folds import Store
 from foldback.server.store.leases import Leases
-from foldback.server.store.schema import WorkerRow
 from foldback.server.store.stats import Stats
-from tests.server.rows import a_fold, statements
+from tests.server.rows import a_fold, live_worker, statements
 from tests.server.service_process import METRICS_TOKEN, SNAKE, FinishedFold, Service, bearer
 from tests.server.service_thread import ServiceWith
 
@@ -141,7 +140,7 @@ def test_metrics_token_that_is_short_is_refused_without_repeating_it() -> None:
 
 def test_stats_are_cached(tmp_path: Path, store: Store) -> None:
     settings = Settings(data_dir=tmp_path)
-    with closing(Stats(settings, Leases.of(settings, store))) as stats, statements() as queries:
+    with closing(Stats(settings, Leases(settings, store))) as stats, statements() as queries:
         stats.counts()
         once = len(queries)
         for _ in range(100):
@@ -152,7 +151,6 @@ def test_stats_are_cached(tmp_path: Path, store: Store) -> None:
 
 def test_stats_count_rows(each_settings: Settings, each_store: Store) -> None:
     now = time.time()
-    worker = {"name": "w/0", "host": "w", "pid": 1, "beat": 1, "version": "1"}
     with each_store.changing() as session:
         for n, status in enumerate(["queued", "queued", "running", "verified", "failed"]):
             over = {"started_at": now - 100.0, "ended_at": now - 100.0 + 10.0 * n}
@@ -166,8 +164,8 @@ def test_stats_count_rows(each_settings: Settings, each_store: Store) -> None:
             }
             session.add(a_fold(f"fold{n}", **expected, **values))
         session.add(a_fold("old", status="failed", started_at=1.0, ended_at=2.0))
-        session.add(WorkerRow(**worker, folds_at_once=1, started_at=now))
-    with closing(Stats(each_settings, Leases.of(each_settings, each_store))) as stats:
+    leases = Leases(each_settings, each_store)
+    with live_worker(leases, "w/0"), closing(Stats(each_settings, leases)) as stats:
         service_counts = stats.counts()
     assert service_counts.folds == {
         "queued": 2,

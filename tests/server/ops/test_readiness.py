@@ -20,7 +20,7 @@ from tests.server.service_thread import ServiceWith, copy_schema
 def readiness(settings: Settings) -> Iterator[Readiness]:
     copy_schema(settings)
     with closing(Store(settings)) as store:
-        yield Readiness(settings, Leases.of(settings, store))
+        yield Readiness(settings, Leases(settings, store))
 
 
 def test_ready_service_reports_its_parts(idle: Service) -> None:

@@ -84,7 +84,7 @@ def test_next_migration_keeps_all_rows(engine: sa.Engine, url: str, tmp_path: Pa
         session.add_all(FoldRow(**row) for row in rows)
     with next_migration(tmp_path):
         with engine.connect() as connection:
-            assert Schema.of(connection).missing == ("0003",)
+            assert Schema.of(connection).missing == ("0004",)
         with closing(Store(settings)) as store:
             for row in rows:
                 stored = store.fold(row["id"])
@@ -95,7 +95,7 @@ def test_next_migration_keeps_all_rows(engine: sa.Engine, url: str, tmp_path: Pa
         assert sorted(colours) == sorted((name, name) for name in STATUSES)
     with engine.connect() as connection:
         assert Schema.of(connection).newer
-    with pytest.raises(NewerSchemaError, match="version 0003, expected 0002 at most"):
+    with pytest.raises(NewerSchemaError, match="version 0004, expected 0003 at most"):
         migrate(engine)
 
 
