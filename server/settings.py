@@ -121,8 +121,9 @@ class Settings(BaseSettings):
     """Add the package's finished folds to a new database. Folds that were deleted are not added
     again."""
     lease_s: PositiveFloat = 15.0
-    """Time without a heartbeat after which a worker counts as dead. Other workers then take over
-    its folds."""
+    """Time without a sign of life after which PostgreSQL releases the name of a worker that is
+    suspended or cut off; other workers then take over its folds. `serve` kills a worker of its own
+    that is silent for twice this time. A worker that has ended is noticed at once."""
     drain_s: NonNegativeFloat = 0.0
     """Time for which a stopping worker may finish its folds. Folds that are not finished by then go
     back to the queue."""

@@ -56,7 +56,7 @@ class SupervisedWorker:
     """Worker process with restarts; the pause doubles if it dies soon after its start.
 
     Args:
-        lease_s: Time without a heartbeat after which a worker counts as dead, s.
+        lease_s: Half of the time without a pulse after which the worker is killed, s.
         clock: Monotonic clock in seconds.
     """
 

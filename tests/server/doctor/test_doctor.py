@@ -4,6 +4,7 @@ import json
 import os
 import resource
 import time
+from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -19,6 +20,9 @@ from foldback.server.doctor.check_result import CheckResult, examine
 from foldback.server.doctor.doctor import CHECKS
 from foldback.server.processes.movie_task import GL_SETTING
 from foldback.server.settings import Settings
+from foldback.server.store import schema
+from foldback.server.store.folds import Store
+from foldback.server.store.leases import Leases
 from foldback.server.store.schema import engine_for, migrate
 from tests.case import case
 from tests.server.cli.test_command_line import foldback
@@ -137,6 +141,23 @@ def test_missing_and_damaged_databases_are_reported(tmp_path: Path, postgres: Po
     assert database.verdict == "problem" and "geheim" not in database.line
     missing = data.database(settings(tmp_path, database_url=f"{url}x"))
     assert missing.verdict == "problem" and "does not exist" in missing.finding
+
+
+def test_pooler_that_breaks_sessions_is_refused(
+    tmp_path: Path, postgres: Postgres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A pooler lends the same session to two connections, one after the other."""
+    url = Settings(database_url=postgres.migrated()).store_url
+    schema.check_sessions(url)
+    with schema.reading_connection(url) as shared:
+        monkeypatch.setattr(schema, "reading_connection", lambda _: nullcontext(shared))
+        check_finding(
+            data.database(settings(tmp_path, database_url=url)), "problem", "pooler", "keep a"
+        )
+        with closing(Store(settings(tmp_path, database_url=url))) as store:
+            leases = Leases(settings(tmp_path, database_url=url), store)
+            with pytest.raises(schema.PoolerError, match="expected that of PostgreSQL itself"):
+                leases.take("one", on_notice=lambda: None)
 
 
 def test_schema_behind_or_ahead_is_reported(tmp_path: Path) -> None:

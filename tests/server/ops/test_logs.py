@@ -3,6 +3,7 @@
 import io
 import json
 import logging
+import re
 import subprocess
 import sys
 import threading
@@ -147,7 +148,7 @@ def test_worker_logs_its_fold(finished: FinishedFold) -> None:
     log_tail = finished.service.log.read_text()
     words = ('"foldback.worker"', finished.id, "verified")
     (end,) = [line for line in log_tail.splitlines() if all(word in line for word in words)]
-    assert json.loads(end)["worker"].endswith("/0")
+    assert re.fullmatch(r".+/[0-9a-f]{12}", json.loads(end)["worker"])
     assert finished.token not in log_tail
 
 
