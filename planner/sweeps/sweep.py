@@ -195,7 +195,7 @@ def write_spec(spec: SweepSpec, directory: Path) -> None:
             raise InputError(
                 "another-sweep",
                 f"got the directory of another sweep: {'; '.join(different)}. Choose another "
-                f"directory, or change its {path.name} to go on with other values.",
+                f"directory, or remove its {path.name} to go on with other values; its rows stay.",
                 where=str(directory),
             )
     write_whole(path, tomli_w.dumps(values).encode())
