@@ -76,4 +76,5 @@ def _figures(directory: Path, certificate: dict[str, Any]) -> Row:
         "steps": sum(attempt["steps"] for attempt in attempts),
         "attempts": len(attempts),
         "strategy": attempts[-1]["strategy"] if attempts else None,
+        **({"table_torque_wp": table["torque"]} if (table := certificate.get("table")) else {}),
     }
