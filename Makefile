@@ -189,8 +189,8 @@ deploy-check: $(STAMP) ## Run the build steps of the container image (root, Debi
 bench: $(STAMP) ## Run the benchmarks: a table, and JSON in out/ (ARGS="--only first")
 	@$(BIN)/python -m bench $(ARGS)
 
-success-map: $(STAMP) ## Run the missing folds of the success map and draw it for /benchmarks (ARGS=--again: all)
-	@$(BIN)/python -m bench.success_map $(ARGS)
+success-map: $(STAMP) ## Sweep the missing folds of the success map and draw it for /benchmarks
+	@$(BIN)/python -m bench.stored_sweeps success-map
 
 reproduction: $(STAMP) ## Run the missing experiments of the paper and write their page (ARGS="--only ID …")
 	@$(BIN)/python -m bench.reproduction $(ARGS)

@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from bench.baselines import direct, paper
 from bench.calm import calm
 from bench.clearance.checking import checking
 from bench.clearance.sweeps import sweeps
 from bench.constants.varying import constants
 from bench.first_minutes import first_minutes
-from bench.folds import folds, gallery
+from bench.folds import folds
 from bench.hard_paths import hard_paths
 from bench.likeness import likeness, likeness_folds, likeness_tetrahedra, previews
 from bench.long_folds import long_folds
@@ -41,8 +40,7 @@ from bench.smoothing import smoothing
 from bench.snake_cubes import snake_cubes
 from bench.snakes import snake_folds, snakes
 from bench.speed import speed
-from bench.success_map.published import published
-from bench.success_map.seeds import seeds
+from bench.sweep_sections import baselines, gallery, published, seeds
 from bench.table.folds import table_folds, table_long_folds
 from bench.table.meshes import table_meshes
 from bench.table.offers import table_offers_section
@@ -103,8 +101,7 @@ SECTIONS = {
     "tours": tours,
     "weights": page_weights,
     "views": link_views,
-    "direct": direct,
-    "paper": paper,
+    "baselines": baselines,
     "published": published,
     "ode": ode,
 }

@@ -17,15 +17,13 @@ from rich.console import Console
 
 from bench.machine import processor_seconds
 from bench.sections import Section
-from bench.success_map.__main__ import path_of
+from bench.shape_files import path_file, path_of
 from foldback.planner.chain.built_in_modules import CUBE
-from foldback.planner.chain.path import Path
 from foldback.planner.explosion.simultaneous import MAX_STRAIGHT_HINGE_RAD
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
-from foldback.planner.plan.shape_writers import write_path
 from foldback.planner.readers.gallery import gallery
 
 MAX_MODULES: Final = 160
@@ -82,7 +80,7 @@ def _random_path(sides: tuple[int, int, int]) -> bytes:
     """Return the file of a random path through all cells of a box."""
     cells = path_of("random", sides, 0)
     assert cells is not None, f"a box of {sides} has random paths"
-    return write_path(Path.from_cells([tuple(cell) for cell in cells.tolist()], name="box"))
+    return path_file(cells)
 
 
 def _row(name: str, data: bytes, strategy: str, reference_seconds: float) -> dict[str, Any]:

@@ -1,15 +1,12 @@
-"""The paper's shapes and the gallery with the default preset: verdicts and times."""
+"""The paper's shapes with the default preset: verdicts and times of the whole command."""
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from typing import Any
 
 from bench.command import Run, fold
 from bench.sections import Section
-from examples.run_gallery import PROCESSES, fold_shape
-from examples.run_gallery import SHAPES as GALLERY
+from bench.sweep_sections import PAPER_STEPS
 
 SHAPES = (
     "mallet-64",
@@ -26,13 +23,6 @@ SEEDS = (0, 1, 2)
 SIZES = ("0.95", "0.98")
 """Module sizes as fractions of the pitch, as the command line takes them. The bars hold for the
 first one."""
-PAPER_STEPS = 160_000
-"""Number of time steps in which the published algorithm folds the wrench of 160 modules (section 4
-of the paper that docs/reproduction.md names). It is only printed for comparison with the number of
-steps here."""
-MIN_VERIFIED_AT_FIRST_SEED = 0.98
-"""Target of the benchmark: at least this fraction of the gallery's shapes gets a verified fold with
-the first random seed, without further attempts. Below it the target is reported as not met."""
 
 
 def folds(reference_seconds: float) -> Section:
@@ -133,44 +123,3 @@ def _wrench(section: Section, runs: list[Run], reference_seconds: float) -> None
         steps <= 5000,
     )
     section.add("160 wrench: peak memory", f"{peak:.0f} MB", "< 400 MB", peak < 400)
-
-
-def gallery(reference_seconds: float) -> Section:
-    """Fold every shape of the gallery; retry with other seeds where the first one fails."""
-    del reference_seconds
-    section = Section(name="gallery")
-    files = sorted(GALLERY.glob("*.json"))
-    with ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool:
-        results = list(pool.map(fold_shape, files))
-    section.rows = [
-        {
-            "shape": file.stem,
-            "modules": result["modules"],
-            "verified": result["verified"],
-            "verdict": result["verdict"],
-            "attempts": result["attempts"],
-            "steps": result["steps"],
-            "clearance": result["clearance"],
-            "wall s": result["seconds"],
-        }
-        for file, result in zip(files, results, strict=True)
-    ]
-    verified = [result for result in results if result["verified"]]
-    at_once = sum(result["attempts"] == 1 for result in verified)
-    walls = sorted(result["seconds"] for result in results)
-    share = at_once / len(files)
-    section.add(
-        "verified at once",
-        f"{at_once} of {len(files)} ({100 * share:.1f} %)",
-        f"at least {100 * MIN_VERIFIED_AT_FIRST_SEED:.0f} %",
-        share >= MIN_VERIFIED_AT_FIRST_SEED,
-    )
-    section.add(
-        "verified with retries",
-        f"{len(verified)} of {len(files)}",
-        "all",
-        len(verified) == len(files),
-    )
-    section.add("median wall", f"{walls[len(walls) // 2]:.1f} s", "reported")
-    section.add("longest wall", f"{walls[-1]:.1f} s", "reported")
-    return section

@@ -1,8 +1,8 @@
 """Hard paths: folds that succeed, their computing time, and the time of a robot for them.
 
-``python -m bench.hard_paths`` runs the cases that are missing in ``out/hard-….jsonl``, a file for
-each version of the planner. It can be stopped at any time and continues where it stopped. Each fold
-runs to its end and writes its files, with one explosion per core.
+``python -m bench.hard_paths`` runs the cases without a row of this version of the planner in
+``out/hard``. It can be stopped at any time and continues where it stopped. Each fold runs to its
+end and writes its files, with one explosion per core.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ from __future__ import annotations
 import argparse
 import os
 import tempfile
-import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,18 +23,23 @@ from rich.console import Console
 from bench.held_out_meshes import HELD_OUT, tube
 from bench.meshes import Mesh
 from bench.sections import Section
-from bench.success_map.__main__ import path_of
-from bench.success_map.stored import run_missing, version_of
-from foldback.planner.chain.path import Path as CellPath
+from bench.shape_files import path_file, path_of
 from foldback.planner.errors import InputError
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
-from foldback.planner.plan.shape_writers import write_path
+from foldback.planner.progress import Cancelled
+from foldback.planner.sweeps.case import Case, Limits, Row
+from foldback.planner.sweeps.cases import planner_digest
+from foldback.planner.sweeps.executors import Place, executor_on
+from foldback.planner.sweeps.rows import Rows
+from foldback.planner.sweeps.run import run_cases
 from foldback.planner.verification.plan_failure import reason_of
 
-OUT: Final = Path(__file__).parents[1] / "out"
+OUT: Final = Path(__file__).parents[1] / "out" / "hard"
+LIMITS: Final = Limits(cpu_s=7200.0, wall_s=14_400.0, memory_bytes=16 * 2**30)
+"""Limits of each fold, which only a hang exceeds."""
 SIDES: Final = {
     144: (4, 6, 6),
     288: (6, 6, 8),
@@ -48,7 +53,7 @@ SIDES: Final = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
+class Fold:
     """One fold.
 
     Attributes:
@@ -101,41 +106,41 @@ STRICT: Final = "peeled, whatever comes"
 """Group of folds that must be peeled. Some are refused, and their reasons are checked."""
 
 
-def cases() -> list[Case]:
+def cases() -> list[Fold]:
     """Return all cases, the fastest first."""
     computed_cases = [
-        Case(group="layered, quickest for a robot", shape="snake", modules=n, prefer="time")
+        Fold(group="layered, quickest for a robot", shape="snake", modules=n, prefer="time")
         for n in (144, 288, 512, 1152)
     ]
     computed_cases += [
-        Case(group="random 288", shape="random", modules=288, seed=s) for s in range(10)
+        Fold(group="random 288", shape="random", modules=288, seed=s) for s in range(10)
     ]
     computed_cases += [
-        Case(group="random 512", shape="random", modules=512, seed=s) for s in range(10)
+        Fold(group="random 512", shape="random", modules=512, seed=s) for s in range(10)
     ]
     for seed in range(5):
         for shape, modules in (("block", 1000), ("block", 1152), ("exact", 1152)):
             group = f"{shape} {modules}"
-            computed_cases.append(Case(group=group, shape=shape, modules=modules, seed=seed))
+            computed_cases.append(Fold(group=group, shape=shape, modules=modules, seed=seed))
     for modules in (4096, 9600):
         group = f"layered, {modules} in parallel"
-        computed_cases.append(Case(group=group, shape="snake", modules=modules, strategy="blocks"))
+        computed_cases.append(Fold(group=group, shape="snake", modules=modules, strategy="blocks"))
     computed_cases += [
-        Case(group="knotted tubes", shape=name, modules=n) for n in (500, 1000) for name in KNOTS
+        Fold(group="knotted tubes", shape=name, modules=n) for n in (500, 1000) for name in KNOTS
     ]
     computed_cases += [
-        Case(group="held-out meshes, 2000", shape=name, modules=2000) for name in HELD_OUT
+        Fold(group="held-out meshes, 2000", shape=name, modules=2000) for name in HELD_OUT
     ]
     computed_cases += [
-        Case(group="random 1152", shape="random", modules=1152, seed=s) for s in range(5)
+        Fold(group="random 1152", shape="random", modules=1152, seed=s) for s in range(5)
     ]
     computed_cases += [
-        Case(group=STRICT, shape=shape, modules=modules, seed=seed, strategy="peel")
+        Fold(group=STRICT, shape=shape, modules=modules, seed=seed, strategy="peel")
         for shape, modules, seeds in (("random", 288, 5), ("random", 512, 2), ("block", 512, 3))
         for seed in range(seeds)
     ]
     computed_cases += [
-        Case(group="all at once, 4096", shape=shape, modules=4096) for shape in ("block", "exact")
+        Fold(group="all at once, 4096", shape=shape, modules=4096) for shape in ("block", "exact")
     ]
     return computed_cases
 
@@ -167,10 +172,9 @@ KNOTS: Final[dict[str, Callable[[], Mesh]]] = {
 }
 
 
-def run(case: Case) -> dict[str, Any]:
-    """Fold one case and return its row."""
+def run(case: Fold, cancelled: Cancelled) -> Row:
+    """Fold one case and return the figures of its row."""
     data, options = _input(case)
-    start_s, spent = time.perf_counter(), time.process_time()
     with tempfile.TemporaryDirectory(prefix="foldback-hard-") as place:
         directory = Path(place)
         request = FoldRequest(
@@ -181,60 +185,66 @@ def run(case: Case) -> dict[str, Any]:
         )
         Workspace(directory).write_request(request, data)
         try:
-            summary = run_stages(directory, workers=os.cpu_count() or 1)
+            summary = run_stages(directory, cancelled=cancelled, workers=os.cpu_count() or 1)
         except InputError as error:
-            refused = f"refused: {error.code}"
-            return {**asdict(case), "verified": False, "verdict": refused, "attempts": []}
+            return {"verified": False, "verdict": f"refused: {error.code}"}
         plan = Plan.load(directory / "plan.npz")
         reason = reason_of(directory, plan, [])
     certificate = plan.certificate
     return {
-        **asdict(case),
         "chain": len(plan.chain),
         "verified": certificate.verified,
         "verdict": certificate.verdict,
         "reason": (summary.get("stuck") or {}).get("words", ""),
         "kind": reason and reason.kind,
         "confirmed": reason and reason.confirmed,
-        "seconds": round(time.perf_counter() - start_s, 1),
-        "cpu_s": round(time.process_time() - spent, 1),
         "fold_time_s": certificate.fold_time_s,
         "clearance_bound": certificate.clearance_bound,
-        "attempts": [f"{a['strategy']} {a['status']}" for a in plan.attempts],
+        "attempts": ", ".join(f"{a['strategy']} {a['status']}" for a in plan.attempts),
     }
 
 
-def _input(case: Case) -> tuple[bytes, dict[str, Any]]:
+def _input(case: Fold) -> tuple[bytes, dict[str, Any]]:
     mesh = {**KNOTS, **HELD_OUT}.get(case.shape)
     if mesh is not None:
         exported: Any = mesh().export(file_type="stl")
         return exported, {"filename": f"{case.shape}.stl", "modules": case.modules}
     cells = path_of(case.shape, SIDES[case.modules], case.seed)
     assert cells is not None, f"a box has {case.shape} paths"
-    path = CellPath.from_cells([tuple(cell) for cell in cells.tolist()], name="box")
-    return write_path(path), {}
-
-
-def runs() -> Path:
-    """Return the file with the rows of this version of the planner."""
-    return OUT / f"hard-{version_of('planner')}.jsonl"
+    return path_file(cells), {}
 
 
 def hard_paths(reference_seconds: float) -> Section:
     """Run all cases and compare them with their bars."""
-    return section_of(run_missing(runs(), cases(), run), reference_seconds)
+    return section_of(run_missing(cases()), reference_seconds)
 
 
-def section_of(rows: list[dict[str, Any]], reference_seconds: float) -> Section:
+def run_missing(selected: list[Fold]) -> list[Row]:
+    """Run those that have no row yet; return the rows of all."""
+    stored = Rows(OUT)
+    keys = {f"{planner_digest()} {path}": path for path in selected}
+    rows = {key: row for key, row in stored.read().items() if row["verdict"] != "error"}
+    cases = [
+        Case(key=key, columns=asdict(path), task=partial(run, path), limits=LIMITS)
+        for key, path in keys.items()
+        if key not in rows
+    ]
+    with stored.writing() as add, executor_on(Place(workers=1)) as executor:
+        for row in run_cases(cases, add, executor, at_once=executor.at_once):
+            rows[str(row["key"])] = row
+    return [rows[key] for key in keys]
+
+
+def section_of(rows: Sequence[Mapping[str, Any]], reference_seconds: float) -> Section:
     """Return the figures of some rows; seconds also as multiples of the reference."""
     section = Section(name="hard")
-    section.rows = rows
+    section.rows = [dict(row) for row in rows]
     for group, bar in BARS.items():
         of_group = [row for row in rows if row["group"] == group]
         if not of_group:
             continue
-        verified = [row for row in of_group if row["verified"]]
-        slowest = max((row["seconds"] for row in verified), default=0.0)
+        verified = [row for row in of_group if row.get("verified")]
+        slowest = max((row["wall_s"] for row in verified), default=0.0)
         robot = max((row["fold_time_s"] or 0.0 for row in verified), default=0.0)
         in_time = bar.seconds is None or slowest <= bar.seconds
         quick = bar.robot_s is None or robot <= bar.robot_s
@@ -263,15 +273,16 @@ def section_of(rows: list[dict[str, Any]], reference_seconds: float) -> Section:
 def main() -> None:
     """Run what is missing, then print all rows."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--minutes", type=float, default=float("inf"))
     parser.add_argument("--only", nargs="*", help="groups, by how they begin")
     options = parser.parse_args()
     from bench.machine import machine  # imported late: it takes a second
 
     selected = [c for c in cases() if not options.only or c.group.startswith(tuple(options.only))]
-    rows = run_missing(runs(), selected, run, minutes=options.minutes)
-    section_of(rows, machine()["reference_seconds"]).show(Console(width=160))
+    section_of(run_missing(selected), machine()["reference_seconds"]).show(Console(width=160))
 
 
 if __name__ == "__main__":
-    main()
+    # Imported by name: the processes of folds cannot unpickle what is in __main__.
+    from bench.hard_paths import main as begin
+
+    begin()

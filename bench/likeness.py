@@ -5,9 +5,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,6 +14,7 @@ import numpy as np
 from bench.command import fold
 from bench.held_out_meshes import HELD_OUT
 from bench.meshes import MESHES, Mesh
+from bench.processes import each_of
 from bench.sections import Section
 from bench.thin_meshes import THIN, WALLS
 from foldback.planner.chain.built_in_modules import TETRAHEDRON
@@ -36,7 +35,6 @@ MORE_MODULES: Final = ("mug", "bowl", "chair", "trefoil", "rabbit", *tuple(THIN)
 FOLDED: Final = ("mug", "chair", "bowl", "spring", "rings", "teapot")
 """Meshes whose chains the section ``likeness`` folds; ``likeness-folds`` folds all."""
 MODULES: Final = 160
-PROCESSES: Final = 2
 BARS: Final = {160: (0.73, 1.2), 500: (0.77, 4.0)}
 """Targets for each number of modules: mean IoU, and processor time of a fit, s."""
 PREVIEW_BARS: Final = {"first": 0.5, "final": 2.0}
@@ -232,11 +230,8 @@ def _figures(section: Section, modules: int, rows: list[dict[str, Any]]) -> None
 
 
 def _with_folds(section: Section, names: Sequence[str]) -> Section:
-    with (
-        tempfile.TemporaryDirectory(prefix="foldback-bench-") as directory,
-        ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool,
-    ):
-        first = list(pool.map(partial(_folds_at_once, directory), names))
+    with tempfile.TemporaryDirectory(prefix="foldback-bench-") as directory:
+        first = list(each_of(partial(_folds_at_once, directory), names))
     failed = [name for name, verified in zip(names, first, strict=True) if not verified]
     section.add(
         f"verified at the first attempt, {MODULES} modules",

@@ -16,7 +16,7 @@ from rich.console import Console
 
 from bench.meshes import revolved
 from bench.sections import Section
-from examples.run_gallery import SHAPES
+from bench.shape_files import SHAPES
 from foldback.planner.pipeline.fold import refold
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages

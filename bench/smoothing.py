@@ -15,7 +15,7 @@ import numpy as np
 from rich.console import Console
 
 from bench.sections import Section
-from examples.run_gallery import SHAPES
+from bench.shape_files import SHAPES
 from foldback.planner.pipeline.fold import smooth_plan
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages

@@ -23,7 +23,7 @@ from bench.ode.comparison import BAR_SOLVER, Comparison
 from bench.scaling import CASES, LONGER, stl
 from bench.scaling import Case as Command
 from bench.sections import Section
-from bench.success_map.__main__ import path_of
+from bench.shape_files import path_file, path_of
 from bench.thin_meshes import rings
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.path import Path as CellPath
@@ -70,7 +70,7 @@ def _own(kind: str) -> Callable[[], bytes]:
     def data() -> bytes:
         cells = path_of(kind, BOX_SIDES, 0)
         assert cells is not None, f"a box has {kind} paths"
-        return write_path(CellPath.from_cells([tuple(c) for c in cells.tolist()], name="own"))
+        return path_file(cells)
 
     return data
 

@@ -12,9 +12,7 @@ from typing import Final
 STEPS: Final = (
     ("golden digests", "tests.golden", "--store"),
     ("shipped folds", "examples.make_shipped_folds"),
-    ("results of the gallery", "examples.run_gallery", "--again"),
-    ("results on a table", "examples.run_gallery", "--again", "--world", "table"),
-    ("success map", "bench.success_map", "--again"),
+    ("sweeps", "bench.stored_sweeps", "gallery", "table", "success-map"),
     ("page of the paper", "bench.reproduction", "--stale"),
     ("pictures", "examples.make_pictures"),
     ("texts of the service", "tests.server.contract", "--store"),

@@ -2,7 +2,7 @@
 
 `gallery.txt` has drawings of blocks; round and hollow shapes are formulas below. A block becomes
 2×2×2 modules, whose path is made by merging the blocks' cycles along a tree. The same seed makes
-the same file. `run_gallery.py` folds them.
+the same file. `bench/sweeps/gallery.toml` folds them.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Make the gallery's published robots: `python examples/make_robots.py`.
 
-Each robot folds into three shapes. `run_gallery.py` folds them, and so does
+Each robot folds into three shapes. `bench/sweeps/gallery.toml` folds them, and so does
 `make bench ARGS="--only robots"`.
 """
 

@@ -1,7 +1,7 @@
 """Make the gallery's snakes and snake cubes: `python examples/make_snakes.py`.
 
 `planner/twist_chains/figures.json` states their codes, and the collections in which they stand. The
-same script makes the same files. `run_gallery.py` folds them.
+same script makes the same files. `bench/sweeps/gallery.toml` folds them.
 """
 
 from __future__ import annotations

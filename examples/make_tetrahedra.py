@@ -1,7 +1,7 @@
 """Make the gallery's chains of tetrahedra: `python examples/make_tetrahedra.py`.
 
 Each cell of a shape becomes a ring of twelve tetrahedra; one trail goes through all of them. The
-same script makes the same files. `run_gallery.py` folds them.
+same script makes the same files. `bench/sweeps/gallery.toml` folds them.
 """
 
 from __future__ import annotations

@@ -11,8 +11,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path as FilePath
 from typing import Any, Final
 
@@ -20,9 +18,10 @@ from rich.console import Console
 
 from bench.command import fold
 from bench.machine import machine
+from bench.processes import each_of
 from bench.scaling import CASES
 from bench.sections import Section
-from examples.run_gallery import PROCESSES, SHAPES
+from bench.shape_files import SHAPES
 from foldback import foldback_check
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
@@ -55,8 +54,7 @@ def checking(reference_seconds: float) -> Section:
 def gallery(section: Section, seeds: Sequence[int]) -> None:
     """Fold and check all shapes of the gallery with some seeds."""
     runs = [(path, seed) for seed in seeds for path in sorted(SHAPES.glob("*.json"))]
-    with ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool:
-        rows = list(pool.map(_folded_and_checked, runs))
+    rows = list(each_of(_folded_and_checked, runs))
     section.rows += [row for row in rows if row["verdict"] != "proved" or not row["verified"]]
     agree = sum(row["verified"] == (row["verdict"] == "proved") for row in rows)
     proved = sum(row["verdict"] == "proved" for row in rows)

@@ -20,7 +20,7 @@ from rich.console import Console
 
 from bench.machine import machine
 from bench.sections import Section
-from examples.run_gallery import SHAPES
+from bench.shape_files import SHAPES
 from foldback.planner.chain.chain import Chain
 from foldback.planner.clearance.sweep import sweep
 from foldback.planner.pipeline.request import FoldRequest

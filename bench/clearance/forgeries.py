@@ -12,9 +12,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
-from multiprocessing import get_context
 from pathlib import Path as FilePath
 from typing import Final
 
@@ -23,8 +21,9 @@ from numpy.typing import NDArray
 from rich.console import Console
 from scipy.optimize import nnls
 
+from bench.processes import PROCESSES, each_of
 from bench.sections import Section
-from examples.run_gallery import PROCESSES, SHAPES
+from bench.shape_files import SHAPES
 from foldback import foldback_check
 from foldback.planner.clearance.sweep import sweep
 from foldback.planner.errors import InputError
@@ -144,10 +143,9 @@ def forgeries(count: int, seed: int, node: bool, processes: int) -> Section:
             for k in range(-(-count // FORGERIES_PER_TASK))
         ]
         kinds, proved = Counter[str](), list[str]()
-        with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-            for forged, wrong in pool.map(batch, tasks):
-                kinds, proved = kinds + forged, proved + wrong
-                print(f"{len(proved)} of {kinds.total()} wrongly proved", flush=True)
+        for forged, wrong in each_of(batch, tasks, processes):
+            kinds, proved = kinds + forged, proved + wrong
+            print(f"{len(proved)} of {kinds.total()} wrongly proved", flush=True)
     section.rows = [{"kind": kind, "forged": number} for kind, number in kinds.most_common()]
     section.add("forged plans wrongly proved", f"{len(proved)} of {kinds.total()}", "0", not proved)
     for line in proved[:20]:

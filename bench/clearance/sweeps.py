@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.sections import Section
-from examples.run_gallery import SHAPES
+from bench.shape_files import SHAPES
 from foldback.planner.chain.chain import Chain
 from foldback.planner.clearance.sweep import Sweep, sweep
 from foldback.planner.motion.motion import Motion

@@ -14,7 +14,7 @@ from typing import Final
 from bench.reproduction.experiments import experiments
 from bench.reproduction.reproduce import reproduce, tell
 from bench.reproduction.runs import stored_runs
-from bench.success_map.stored import version_of
+from foldback.planner.sweeps.cases import planner_digest
 
 ROOT: Final = Path(__file__).parents[2]
 PAPER: Final = ROOT / "web" / "paper"
@@ -31,29 +31,19 @@ def main() -> None:
     parser.add_argument("--tell", action="store_true", help="run nothing, write pages anew")
     parser.add_argument("--again", action="store_true", help="run anew what is there")
     parser.add_argument("--stale", action="store_true", help="run anew what another planner made")
-    parser.add_argument("--minutes", type=float, default=float("inf"))
     parser.add_argument("--workers", type=int, default=1)
     options = parser.parse_args()
     runs = stored_runs(PAPER / "runs.jsonl")
+    now = planner_digest()
     selected = [
-        experiment for experiment in every if options.only is None or experiment.id in options.only
+        experiment
+        for experiment in every
+        if (options.only is None or experiment.id in options.only)
+        and not (options.stale and experiment.id in runs and runs[experiment.id].planner == now)
     ]
-    if options.stale:
-        now = version_of("planner")
-        selected = [
-            experiment
-            for experiment in selected
-            if experiment.id in runs and runs[experiment.id].planner != now
-        ]
-    if selected and not options.tell:
-        reproduce(
-            selected,
-            every,
-            PAPER,
-            repeats=options.again or options.stale,
-            minutes=options.minutes,
-            workers=options.workers,
-        )
+    if not options.tell:
+        repeats = options.again or options.stale
+        reproduce(selected, every, PAPER, repeats=repeats, workers=options.workers)
     tell(every, PAPER, DOCUMENT)
 
 

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from examples.run_gallery import SHAPES
+from bench.shape_files import SHAPES
 from foldback.planner.chain.path import Path
 from foldback.planner.readers import read
 

@@ -9,7 +9,7 @@ from functools import cache
 from typing import Final, Literal
 
 from bench.reproduction.different import different_shapes
-from examples.run_gallery import SHAPES
+from bench.shape_files import SHAPES
 from foldback.planner.pipeline.request import FoldRequest
 
 Outcome = Literal["verified", "tangled"]

@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Final
 
 from bench.reproduction.document import document
 from bench.reproduction.experiments import Experiment
 from bench.reproduction.page_text import told
-from bench.reproduction.runs import Case, run, stored_runs
-from bench.success_map.stored import run_missing, stored
+from bench.reproduction.runs import run, stored_runs
+from foldback.planner.progress import Cancelled
+from foldback.planner.sweeps.case import Case, Limits, Row
+from foldback.planner.sweeps.executors import Place, executor_on
+from foldback.planner.sweeps.run import run_cases
+
+LIMITS: Final = Limits(cpu_s=7200.0, wall_s=14_400.0, memory_bytes=8 * 2**30)
+"""Limits of each experiment; the slowest takes some minutes."""
 
 
 def reproduce(
@@ -21,43 +28,50 @@ def reproduce(
     files: Path,
     *,
     repeats: bool = False,
-    minutes: float = float("inf"),
     workers: int = 1,
 ) -> None:
     """Run the requested experiments that are not stored.
 
     Args:
-        experiments: Experiments to run, at least one.
-        every: All experiments; rows of others are deleted.
+        experiments: Experiments to run.
+        every: All experiments; rows of others, and of those with another request, are deleted.
         files: Directory of rows, films and pictures.
         repeats: True to repeat stored experiments.
-        minutes: Minutes after which no further experiment is started.
         workers: Number of experiments at the same time.
     """
-    rows = files / "runs.jsonl"
-    cases = {
-        Case(id=experiment.id, asked=experiment.asked): experiment for experiment in experiments
+    path = files / "runs.jsonl"
+    asked = {experiment.id: experiment.asked for experiment in every}
+    again = {experiment.id for experiment in experiments if repeats}
+    runs = {
+        id_: stored
+        for id_, stored in stored_runs(path).items()
+        if asked.get(id_) == stored.asked and id_ not in again
     }
-    all_cases = {Case(id=experiment.id, asked=experiment.asked) for experiment in every}
-    # Rows of experiments whose request has changed are deleted.
-    kept_rows = [
-        row
-        for case, row in (stored(rows, Case) if rows.exists() else {}).items()
-        if case in all_cases and not (repeats and case in cases)
-    ]
     files.mkdir(parents=True, exist_ok=True)
-    rows.write_text("".join(json.dumps(row) + "\n" for row in kept_rows), encoding="utf-8")
-    run_missing(rows, list(cases), partial(_run, cases, files), minutes=minutes, workers=workers)
+    lines = [json.dumps(asdict(stored)) + "\n" for stored in runs.values()]
+    path.write_text("".join(lines), encoding="utf-8")
+    cases = [
+        Case(key=experiment.id, columns={}, task=partial(_row, experiment, files), limits=LIMITS)
+        for experiment in experiments
+        if experiment.id not in runs
+    ]
+
+    def add(row: Row) -> None:
+        if "run" in row:
+            with path.open("a", encoding="utf-8") as file:
+                file.write(f"{row['run']}\n")
+
+    if not cases:
+        return
+    with executor_on(Place(workers=workers)) as executor:
+        for row in run_cases(cases, add, executor, at_once=executor.at_once):
+            print(*(row.get(name, "") for name in ("key", "verdict", "error", "cpu_s")), flush=True)
 
 
-def _run(cases: dict[Case, Experiment], files: Path, case: Case) -> dict[str, Any]:
-    row = run(cases[case], files)
-    print(
-        f"{case.id}: {row['verdict']}, {row['wall_s']:.0f} s wall, {row['processor_s']:.0f} s "
-        f"processor, {row['folder_mb']:.1f} MB",
-        flush=True,
-    )
-    return row
+def _row(experiment: Experiment, files: Path, cancelled: Cancelled) -> Row:
+    del cancelled  # an experiment is not worth anything without its end
+    result = run(experiment, files)
+    return {"verdict": result.verdict, "run": json.dumps(asdict(result))}
 
 
 def tell(every: tuple[Experiment, ...], files: Path, paper: Path) -> None:

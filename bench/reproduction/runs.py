@@ -4,39 +4,31 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import tempfile
 import time
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.machine import processor, reference_seconds
+from bench.machine import processor, processor_seconds, reference_seconds
 from bench.reproduction.experiments import Experiment, experiments
 from bench.reproduction.pictures import Moment, keep_pictures
-from bench.success_map.stored import version_of
-from examples.run_gallery import SHAPES
+from bench.shape_files import SHAPES
 from foldback.planner.errors import InputError
 from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.reasons import ReasonFigures
 from foldback.planner.storage.files import write_whole
+from foldback.planner.storage.plain_values import from_plain
+from foldback.planner.sweeps.cases import planner_digest
 from foldback.web.timeline.view import TimelineView
 
 STARTS_DIR: Final = Path(__file__).parents[2] / "out" / "reproduction"
 """Directory of plans that other experiments start from."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
-    """Values that identify the run of an experiment."""
-
-    id: str
-    asked: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,7 +74,7 @@ class Run:
     """Result of an experiment. Lengths in pitches.
 
     Attributes:
-        id, asked: Fields of its ``Case``.
+        id, asked: Values of the experiment.
         modules: Number of modules of the chain.
         module: Kind of the modules.
         verified: True if the fold is verified.
@@ -137,21 +129,9 @@ class Run:
         """True if the input was refused."""
         return not self.verified and self.reason is None
 
-    @classmethod
-    def of(cls, row: dict[str, Any]) -> Run:
-        """Build a run from plain values."""
-        values = {field.name: row[field.name] for field in fields(cls)}
-        for name, kind in (("explosion", Phase), ("playback", Phase), ("overlap", Overlap)):
-            if values[name] is not None:
-                values[name] = kind(**values[name])
-        if values["overlap"] is not None:
-            a, b = row["overlap"]["modules"]
-            values["overlap"] = Overlap(**{**row["overlap"], "modules": (a, b)})
-        return cls(**{**values, "stuck": tuple(row["stuck"])})
 
-
-def run(experiment: Experiment, files: Path) -> dict[str, Any]:
-    """Run the fold of an experiment, store its film and pictures, and return its row.
+def run(experiment: Experiment, files: Path) -> Run:
+    """Run the fold of an experiment, and store its film and pictures.
 
     Args:
         experiment: The experiment.
@@ -164,26 +144,24 @@ def run(experiment: Experiment, files: Path) -> dict[str, Any]:
         summary: dict[str, Any] | None = None
         try:
             _ask(directory, experiment)
-            start_s, worked = time.perf_counter(), _processor_seconds()
+            start_s, worked = time.perf_counter(), processor_seconds()
             summary = run_stages(directory)
             certificate = summary["certificate"]
             result = {name: certificate[name] for name in ("verified", "verdict", "reason")}
         except InputError as error:
             result = {"verified": False, "verdict": f"refused: {error.detail}", "reason": None}
-        wall_s, processor_s = time.perf_counter() - start_s, _processor_seconds() - worked
-        return asdict(
-            Run(
-                id=experiment.id,
-                asked=experiment.asked,
-                **result,
-                wall_s=round(wall_s, 2),
-                processor_s=round(processor_s, 2),
-                planner=version_of("planner"),
-                cores=os.cpu_count() or 1,
-                processor=processor(),
-                reference_s=round(reference_s, 3),
-                **_figures(directory, experiment, summary, files),
-            )
+        wall_s, processor_s = time.perf_counter() - start_s, processor_seconds() - worked
+        return Run(
+            id=experiment.id,
+            asked=experiment.asked,
+            **result,
+            wall_s=round(wall_s, 2),
+            processor_s=round(processor_s, 2),
+            planner=planner_digest(),
+            cores=os.cpu_count() or 1,
+            processor=processor(),
+            reference_s=round(reference_s, 3),
+            **_figures(directory, experiment, summary, files),
         )
 
 
@@ -311,15 +289,7 @@ def _keep_start(name: str, plan: Path) -> None:
 
 
 def _start_file(name: str) -> Path:
-    return STARTS_DIR / f"{name}-{version_of('planner')}.npz"
-
-
-def _processor_seconds() -> float:
-    spent = (
-        resource.getrusage(process_kind)
-        for process_kind in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    )
-    return sum(usage.ru_utime + usage.ru_stime for usage in spent)
+    return STARTS_DIR / f"{name}-{planner_digest()}.npz"
 
 
 def _bytes(directory: Path) -> int:
@@ -329,4 +299,5 @@ def _bytes(directory: Path) -> int:
 def stored_runs(path: Path) -> dict[str, Run]:
     """Return the runs of a file by the id of their experiment."""
     lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
-    return {run.id: run for run in (Run.of(json.loads(line)) for line in lines)}
+    runs = [from_plain(json.loads(line), Run) for line in lines]
+    return {run.id: run for run in runs}

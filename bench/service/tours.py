@@ -12,9 +12,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path as FilePath
 from shutil import rmtree
 from typing import Any, Final
@@ -25,8 +23,9 @@ from rich.console import Console
 from scipy.optimize import LinearConstraint, linprog, minimize
 
 from bench.machine import machine
+from bench.processes import each_of
 from bench.sections import Section
-from examples.run_gallery import PROCESSES, SHAPES
+from bench.shape_files import SHAPES
 from foldback.cli.tour import drafted, facts_of
 from foldback.planner.chain.chain import Chain
 from foldback.planner.motion.timeline import Timeline
@@ -60,9 +59,7 @@ def tours(reference_seconds: float, count: int | None = None) -> Section:
     """Draft tours of the gallery's folds and check each sentence."""
     paths = sorted(SHAPES.glob("*.json"))[:count]
     section = Section(name="tours")
-    with ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool:
-        for row in pool.map(_folded_and_told, paths):
-            section.rows.append(row)
+    section.rows = list(each_of(_folded_and_told, paths))
     wrong = [row for row in section.rows if row["wrong"]]
     stops = sum(row["stops"] for row in section.rows)
     slowest = max(row["s"] for row in section.rows)
