@@ -177,7 +177,7 @@ class SweepMap:
         # The key follows the last field, in the same row if there is room.
         across = min(FIELDS_PER_ROW, len(fields) + 1)
         width = labels + across * wide + 8 + max(0, 170 - wide)
-        key_tall = HEAD_PX + 5 * (CELL_PX + 4) + GAP_PX
+        key_tall = HEAD_PX + 5 * (CELL_PX + 4) - 4
         last = len(fields) // across
         bottom = max(tall if len(fields) % across else 0, key_tall)
         height = last * tall + bottom + 8

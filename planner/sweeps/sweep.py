@@ -125,10 +125,13 @@ class Sweep:
         Raises:
             InputError: If the directory cannot be used, or a request is invalid.
         """
+        import tomli_w  # of the extra ``sweep``
+
         directory = Path(directory)
         with Rows(directory).writing() as add, ExitStack() as opened:
-            write_spec(self.spec, directory)
+            check_spec(self.spec, directory)
             state = SweepState.of(self.spec, directory, again)
+            write_whole(directory / SPEC_FILE, tomli_w.dumps(self.spec.as_dict()).encode())
             settled, cases, left = state.settled, state.cases, state.cases.left(state.settled)
             begun(state)
             opened.callback(lambda: write_results(self.spec, directory, state.rows, left))
@@ -174,28 +177,25 @@ def write_results(
         write_map(directory, spec, rows, left, is_running=False)
 
 
-def write_spec(spec: SweepSpec, directory: Path) -> None:
-    """Write the specification into a sweep's directory.
+def check_spec(spec: SweepSpec, directory: Path) -> None:
+    """Refuse a directory with the specification of another sweep.
 
     Raises:
-        InputError: ``another-sweep``, if the directory holds another one.
+        InputError: ``another-sweep``.
     """
-    import tomli_w  # of the extra ``sweep``
-
     path = directory / SPEC_FILE
-    values = spec.as_dict()
-    if path.exists():
-        stored = SweepSpec.from_toml(path).as_dict()
-        different = [
-            f"{name} is {stored.get(name)!r} there and {values.get(name)!r} here"
-            for name in (*values, *(name for name in stored if name not in values))
-            if name != "map" and stored.get(name) != values.get(name)
-        ]
-        if different:
-            raise InputError(
-                "another-sweep",
-                f"got the directory of another sweep: {'; '.join(different)}. Choose another "
-                f"directory, or remove its {path.name} to go on with other values; its rows stay.",
-                where=str(directory),
-            )
-    write_whole(path, tomli_w.dumps(values).encode())
+    if not path.exists():
+        return
+    values, stored = spec.as_dict(), SweepSpec.from_toml(path).as_dict()
+    different = [
+        f"{name} is {stored.get(name)!r} there and {values.get(name)!r} here"
+        for name in dict.fromkeys((*values, *stored))
+        if name != "map" and stored.get(name) != values.get(name)
+    ]
+    if different:
+        raise InputError(
+            "another-sweep",
+            f"got the directory of another sweep: {'; '.join(different)}. Choose another "
+            f"directory, or remove its {path.name} to go on with other values; its rows stay.",
+            where=str(directory),
+        )

@@ -218,32 +218,38 @@ def _show_status(spec: SweepSpec, out: Path) -> None:
 @contextmanager
 def _bar() -> Generator[tuple[Callable[[bool], None], Callable[[SweepState], None]]]:
     """Show a bar on standard error; yield functions for each row, and for the beginning."""
-    with Progress(
+    progress = Progress(
         TextColumn("{task.fields[note]}"),
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn("{task.fields[rate]}"),
         TimeRemainingColumn(),
         console=Console(stderr=True),
-    ) as progress:
-        bar = progress.add_task("", total=None, note="starting", rate="")
-        counts: Counter[bool] = Counter()
-        start_s = time.monotonic()
+    )
+    bar = progress.add_task("", total=None, note="starting", rate="")
+    counts: Counter[bool] = Counter()
+    start_s = time.monotonic()
 
-        def begin(state: SweepState) -> None:
-            progress.update(bar, total=state.cases.left(state.settled))
+    def begin(state: SweepState) -> None:
+        if left := state.cases.left(state.settled):
+            progress.update(bar, total=left)
+            progress.start()
 
-        def advance(verified: bool) -> None:
-            counts[verified] += 1
-            minutes = (time.monotonic() - start_s) / 60
-            progress.update(
-                bar,
-                advance=1,
-                note=f"{counts[True]} verified, {counts[False]} not",
-                rate=f"{counts.total() / minutes:.0f} folds/min",
-            )
+    def advance(verified: bool) -> None:
+        counts[verified] += 1
+        minutes = (time.monotonic() - start_s) / 60
+        progress.update(
+            bar,
+            advance=1,
+            note=f"{counts[True]} verified, {counts[False]} not",
+            rate=f"{counts.total() / minutes:.0f} folds/min",
+        )
 
+    try:
         yield advance, begin
+    finally:
+        if progress.live.is_started:
+            progress.stop()
 
 
 def _write_players(out: Path) -> bool:
