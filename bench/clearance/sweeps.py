@@ -41,7 +41,7 @@ at the same time, and there are 1.8 frames per module."""
 def sweeps(reference_seconds: float) -> Section:
     """Sweep a record of 160 modules with 1000 frames, and peeled boxes of growing size."""
     del reference_seconds
-    section = Section(name="sweeps")
+    section = Section(name="swept-motions")
     chain, angles = _recorded()
     worst = max(_row(section, "record of wrench-160", chain, angles, size) for size in SIZES)
     section.add(

@@ -1,0 +1,1 @@
+"""Sweeps: processor time besides the folds, faults, and large sweeps."""
