@@ -7,7 +7,7 @@ from pathlib import Path
 
 from bench.calm import calm
 from bench.clearance.checking import checking
-from bench.clearance.sweeps import sweeps
+from bench.clearance.sweeps import sweeps as swept_motions
 from bench.constants.varying import constants
 from bench.first_minutes import first_minutes
 from bench.folds import folds
@@ -41,6 +41,9 @@ from bench.snake_cubes import snake_cubes
 from bench.snakes import snake_folds, snakes
 from bench.speed import speed
 from bench.sweep_sections import baselines, gallery, published, seeds
+from bench.sweeps.faults import sweep_faults
+from bench.sweeps.figures import sweeps
+from bench.sweeps.many import sweep_many
 from bench.table.folds import table_folds, table_long_folds
 from bench.table.meshes import table_meshes
 from bench.table.offers import table_offers_section
@@ -71,7 +74,10 @@ SECTIONS = {
     "robots": robots,
     "calm": calm,
     "hard": hard_paths,
+    "swept-motions": swept_motions,
     "sweeps": sweeps,
+    "sweep-many": sweep_many,
+    "sweep-faults": sweep_faults,
     "checking": checking,
     "constants": constants,
     "table-folds": table_folds,

@@ -25,8 +25,10 @@ T = TypeVar("T")
 CONFIGURATION: Final = {
     # Machines that may end under a case before it counts as lost. A case cannot end its worker.
     "distributed.scheduler.allowed-failures": 10,
-    # Costs processor time for as long as cases run.
+    # Cost processor time for as long as cases run.
     "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1 s",
+    "distributed.admin.system-monitor.interval": "5 s",
     "distributed.scheduler.active-memory-manager.start": False,
 }
 """Configuration of Dask where foldback starts it."""
