@@ -9,6 +9,7 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,9 @@ from typing import Any
 import kubernetes_validate
 import pytest
 import yaml
+from distributed.cli import dask_scheduler, dask_worker
 
+from foldback.planner.sweeps.case import Limits
 from foldback.server.api import health
 from foldback.server.doctor import children
 from foldback.server.http.security import hosts_of
@@ -66,8 +69,12 @@ def size(text: str) -> int:
 
 
 OBJECTS = render(SERVICE, BY_QUEUE)
-ALL = [*OBJECTS, *render(SWEEP)]
-NAMED = {(each["kind"], each["metadata"]["name"]): each for each in OBJECTS}
+OBJECTS_OF_SWEEP = render(SWEEP)
+ALL = [*OBJECTS, *OBJECTS_OF_SWEEP]
+NAMED, NAMED_OF_SWEEP = (
+    {(each["kind"], each["metadata"]["name"]): each for each in objects}
+    for objects in (OBJECTS, OBJECTS_OF_SWEEP)
+)
 PODS = {
     f"{each['metadata']['namespace']}-{each['metadata']['name']}": each["spec"]["template"]
     for each in ALL
@@ -283,9 +290,40 @@ def test_sandbox_works_with_the_privileges_of_a_pod() -> None:
 def test_image_of_sweeps_is_that_of_the_service_with_the_extra() -> None:
     text = (DEPLOY / "sweep.Dockerfile").read_text()
     assert re.findall(r"^FROM (.*)$", text, re.M) == ["foldback:local"]
-    assert "['optional-dependencies']['sweep']" in text
-    assert re.findall(r"^USER (.*)$", text, re.M)[-1] in re.findall(
-        r"^USER (.*)$", DOCKERFILE, re.M
+    user = re.findall(r"^USER (.*)$", text, re.M)[-1]
+    assert user in re.findall(r"^USER (.*)$", DOCKERFILE, re.M)
+    project = DEPLOY.parent / "pyproject.toml"
+    program = re.findall(r'^RUN python3 -c "(.*)" >', text, re.M)[0]
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            program.replace("/tmp/pyproject.toml", str(project)),
+        ],
+        capture_output=True,
+        text=True,
+        check=True,
     )
-    (entry,) = re.findall(r"^ENTRYPOINT (.*)$", text, re.M)
-    assert json.loads(entry) == ["dask"]
+    extras = tomllib.loads(project.read_text())["project"]["optional-dependencies"]
+    assert done.stdout.splitlines() == extras["sweep"]
+
+
+@pytest.mark.parametrize("name", ["scheduler", "worker"])
+def test_dask_accepts_the_arguments_of_its_pods(name: str) -> None:
+    (container,) = PODS[f"foldback-sweep-{name}"]["spec"]["containers"]
+    program, *arguments = container["args"]
+    command = {"scheduler": dask_scheduler.main, "worker": dask_worker.main}[program]
+    options = command.make_context(program, list(arguments)).params
+    assert options["dashboard"] is False
+    if name == "worker":
+        service = NAMED_OF_SWEEP["Service", "scheduler"]["spec"]
+        assert options["scheduler"] == f"tcp://scheduler:{service['ports'][0]['port']}"
+        assert options["nthreads"] == 1
+    else:
+        assert container["ports"][0]["containerPort"] == int(options["port"])
+
+
+def test_memory_of_a_worker_holds_a_fold_of_a_sweep() -> None:
+    (container,) = PODS["foldback-sweep-worker"]["spec"]["containers"]
+    own = size(next(each for each in container["args"] if "memory" in each).split("=")[1][:-1])
+    assert size(container["resources"]["limits"]["memory"]) >= Limits().memory_bytes + own
