@@ -204,7 +204,7 @@ class SweepMap:
 
     def _field(self, name: Value, x: int, y: int, *, links: bool) -> Iterable[str]:
         _, rows, columns = self.values
-        numbers = {place: number for number, place in enumerate(self.shares)}
+        numbers = {place: k for k, place in enumerate(self.shares)}
         for k, column in enumerate(columns):
             x0 = x + k * CELL_PX
             label = _label(column, MAX_COLUMN_CHARS)
@@ -219,9 +219,9 @@ class SweepMap:
                 words = "not run" if share is None else share.text
                 group = f"<g><title>{words}</title>{cell}</g>"
                 if links and share is not None:
-                    words = ", ".join(map(_text, place)) + f": {words}"
+                    words, number = ", ".join(map(_text, place)) + f": {words}", numbers[place]
                     group = (
-                        f'<a href="#cell-{numbers[place]}" aria-label="{escape(words)}">'
+                        f'<a id="cell-{number}" href="#cell-{number}" aria-label="{escape(words)}">'
                         f"<title>{escape(words)}</title>{cell}</a>"
                     )
                 yield group

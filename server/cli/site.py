@@ -11,6 +11,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
+from shutil import copyfile, copytree
 from typing import Annotated
 from urllib.parse import urlsplit
 
@@ -25,6 +26,8 @@ from foldback.planner.pipeline.fold_layout import holds_fold, result_path
 from foldback.planner.pipeline.packed_fold import unpack
 from foldback.planner.storage.file_names import TIMELINE
 from foldback.planner.storage.output_directory import replacing_listed
+from foldback.planner.sweeps.map import PAGE, PICTURE, PLAYERS_DIR
+from foldback.planner.sweeps.table import CSV, PARQUET
 from foldback.planner.verification.stored_fold import check_fold
 from foldback.server.cli.play import row_of
 from foldback.server.pages import site as pages
@@ -42,6 +45,10 @@ def site(
             metavar="DIR",
             help="Directory of a fold, or of several folds. You can repeat this option.",
         ),
+    ] = None,
+    sweeps: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="DIR", help="Directory of a sweep. You can repeat this option."),
     ] = None,
     finished: Annotated[
         bool, typer.Option(help="Include the finished folds that come with foldback.")
@@ -78,7 +85,8 @@ def site(
             shipped = _named_apart(shipped)
             if not shipped:
                 raise InputError("no-folds", "got no folds, expected --folds or --finished.")
-            pages.write_site(place, shipped, service)
+            names = [_add_sweep(directory, place) for directory in sweeps or ()]
+            pages.write_site(place, shipped, service, names)
     except InputError as error:
         refuse(error, as_json)
     except PlannerError as error:
@@ -111,6 +119,24 @@ def write_players(out: Path, directories: Sequence[Path]) -> None:
 
     if directories:
         pages.write_players(out, folds(), "../index.html")
+
+
+def _add_sweep(directory: Path, site_dir: Path) -> str:
+    """Copy the page of a sweep, its tables and its players into a site; return its name there."""
+    if not (directory / PAGE).is_file():
+        raise InputError(
+            "no-sweep",
+            "got no index.html, expected the directory of a sweep.",
+            where=str(directory),
+        )
+    name = re.sub(r"[^A-Za-z0-9_-]+", "-", directory.resolve().name).strip("-") or "sweep"
+    target = site_dir / "sweeps" / name
+    target.mkdir(parents=True)
+    for file in (PAGE, PICTURE, PARQUET, CSV):
+        copyfile(directory / file, target / file)
+    if (directory / PLAYERS_DIR).is_dir():
+        copytree(directory / PLAYERS_DIR, target / PLAYERS_DIR)
+    return name
 
 
 def _check_address(service: str) -> None:

@@ -111,13 +111,19 @@ class Site:
         write_whole(path, content.encode() if isinstance(content, str) else content)
 
 
-def write_site(out: Path, folds: Sequence[LocatedFold], service_address: str | None = None) -> None:
+def write_site(
+    out: Path,
+    folds: Sequence[LocatedFold],
+    service_address: str | None = None,
+    sweeps: Sequence[str] = (),
+) -> None:
     """Write a site.
 
     Args:
         out: Directory of the site.
         folds: Finished folds with different ids, after which their files are named.
         service_address: Address of a service that folds visitors' shapes.
+        sweeps: Names of sweeps, whose pages are in the folder ``sweeps``.
 
     Raises:
         OSError: If a file cannot be written.
@@ -132,6 +138,7 @@ def write_site(out: Path, folds: Sequence[LocatedFold], service_address: str | N
         finished=[fold.row for fold in folds],
         statuses=CARD_STATUS_LABELS,
         method_of=method_of,
+        sweeps=sweeps,
     )
     site.write("index.html", gallery)
     site.write("benchmarks.html", site.rendered("benchmarks.html"))

@@ -1,6 +1,7 @@
 """`foldback site`: relative links, and pages that work from a folder."""
 
 import re
+import shutil
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urldefrag
@@ -9,7 +10,10 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from foldback.planner.pipeline.packed_fold import unpack
-from foldback.server.cli.site import site
+from foldback.planner.sweeps.case import Row
+from foldback.planner.sweeps.spec import SweepSpec
+from foldback.planner.sweeps.sweep import write_results
+from foldback.server.cli.site import site, write_players
 from foldback.server.submission.shipped_folds import SHIPPED_FOLDS_DIR
 from tests.browser.conftest import MEDIA, open_tab
 
@@ -28,8 +32,20 @@ def site_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
         packed = "wrench-80-to-mallet-80" if "wrench" in name else "tetra-cube-2"
         unpack((SHIPPED_FOLDS_DIR / f"{packed}.fold").read_bytes(), place / "folds" / name)
     out = place / "x" / "y"
-    site(out, [place / "folds"], finished=False, service=SERVICE)
+    _write_sweep(place / "my sweep", place / "folds" / "cube")
+    site(out, [place / "folds"], [place / "my sweep"], finished=False, service=SERVICE)
     return out
+
+
+def _write_sweep(directory: Path, fold: Path) -> None:
+    """Write the directory of a sweep with one fold, whose plan is kept."""
+    key = "0" * 24
+    row: Row = {"key": key, "shape": "cube", "seed": 0, "verdict": "verified (simulated)"}
+    plan = shutil.copytree(fold, directory / "plans" / key)
+    write_players(directory / "players", [plan])
+    spec = SweepSpec.of({"shapes": "cube"}, directory)
+    method = {"method": "auto", "planner_digest": "a", "verified": True, "simulated": True}
+    write_results(spec, directory, {key: row | method}, 0)
 
 
 class Links(HTMLParser):
@@ -55,6 +71,11 @@ def test_every_link_of_a_site_leads_to_something_in_it(site_dir: Path) -> None:
     pages = {path: Links(path) for path in site_dir.rglob("*.html")}
     names = {path.relative_to(site_dir).as_posix() for path in pages}
     fold = "folds/a-wrench-a-mallet.html"
+    player = f"sweeps/my-sweep/players/folds/{'0' * 24}.html"
+    assert {"sweeps/my-sweep/index.html", player} <= names
+    assert (
+        f'"players/folds/{"0" * 24}.html"' in (site_dir / "sweeps/my-sweep/index.html").read_text()
+    )
     assert {"index.html", "paper.html", "benchmarks.html", fold, "folds/cube.html"} <= names
     reached: set[Path] = set()
     for path, links in pages.items():
@@ -72,7 +93,9 @@ def test_every_link_of_a_site_leads_to_something_in_it(site_dir: Path) -> None:
     unused = {path for path in site_dir.rglob("*") if path.is_file()} - reached
     # The next site in this directory replaces the files of the list.
     kept_names = ("view.html", "foldback-fold.js", ".foldback-files.json")
-    assert unused == {site_dir / name for name in kept_names}
+    players = site_dir / "sweeps" / "my-sweep" / "players"
+    of_sweep = {players / name for name in kept_names[:2]}
+    assert unused == {site_dir / name for name in kept_names} | of_sweep
     assert SERVICE in pages[site_dir / "index.html"].addresses
     assert SERVICE in pages[site_dir / "folds" / "cube.html"].addresses
 
