@@ -232,6 +232,12 @@ def test_only_the_proxy_and_prometheus_reach_web_processes() -> None:
     assert "Ingress" in others["policyTypes"] and "ingress" not in others
 
 
+def test_only_pods_of_its_namespace_reach_dask() -> None:
+    policy = NAMED_OF_SWEEP["NetworkPolicy", "dask"]["spec"]
+    assert policy["podSelector"] == {} and "Ingress" in policy["policyTypes"]
+    assert policy["ingress"] == [{"from": [{"podSelector": {}}]}]
+
+
 def test_stopping_pods_have_time_and_folds_go_back() -> None:
     drain_s = int(SETTINGS["FOLDBACK_DRAIN_S"])
     assert WORKER["terminationGracePeriodSeconds"] >= drain_s + 15
