@@ -141,11 +141,8 @@ class SweepCases:
         return None
 
     def _case(self, series: FoldSeries, seed: int) -> Case:
-        request, keep, key = (
-            replace(series.request, seed=seed),
-            self._spec.keep.plans,
-            series.key(seed),
-        )
+        request, key = replace(series.request, seed=seed), series.key(seed)
+        keep = self._spec.keep.plans
         return Case(
             key=key,
             columns={**series.columns, "seed": seed},
@@ -189,7 +186,8 @@ def _series_of(spec: SweepSpec) -> Iterator[FoldSeries]:
                         "version": version("foldback"),
                         "planner_digest": planner_digest(),
                     }
-                    identity = [columns, request.to_json(), asdict(limits)]
+                    names = (shape.name, group, name)
+                    identity = [names, digest, request.to_json(), asdict(limits), planner_digest()]
                     expected_modules = modules or request.modules or DEFAULT_MODULES
                     yield FoldSeries(
                         shape=shape,

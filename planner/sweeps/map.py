@@ -268,9 +268,8 @@ def write_map(
         "plans": {key: PAGE_OF_PLAN.format(key) if key in played else "" for key in kept},
     }
     verified = sum(bool(row.get("verified")) for row in current)
-    summary = f"{len(current)} folds, of which {verified} are verified."
-    if left:
-        summary += f" {left} are left."
+    summary = f"{len(current)} folds computed, {verified} verified"
+    summary += f", {left} left." if left else "."
     if is_running:
         summary += f" This page shows new ones every {MAP_PERIOD_S} s."
     if len(shown) < len(current):

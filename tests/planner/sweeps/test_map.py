@@ -60,7 +60,7 @@ def test_columns_of_numbers_are_in_order_and_cells_lead_to_their_rows(tmp_path: 
     page = (tmp_path / "index.html").read_text()
     labels = re.findall(r'class="size"[^>]*>([^<]*)<', page)
     assert labels[:3] == ["32", "144", "512"]
-    assert "3 folds, of which 0 are verified. 7 are left." in page
+    assert "3 folds computed, 0 verified, 7 left." in page
     assert 'http-equiv="refresh"' in page
     data = _data(page)
     assert [(data["cells"][row[1]], row[0]) for row in data["rows"]] == [
@@ -73,7 +73,7 @@ def test_newest_planner_alone_is_shown(tmp_path: Path) -> None:
     old = _row(1, method="a", group="x", planner_digest="old", verified=True)
     write_map(tmp_path, _spec(), _rows(old, _row(2, method="a", group="x")), 0, is_running=False)
     page = (tmp_path / "index.html").read_text()
-    assert "1 folds, of which 0 are verified." in page
+    assert "1 folds computed, 0 verified." in page
     assert "refresh" not in page
 
 

@@ -116,3 +116,11 @@ def test_keys_change_with_the_bytes_of_a_shape_alone(tmp_path: Path) -> None:
     bars = [b"[[0,0,0],[1,0,0]]", b"[[0,0,0],[1,0,0]]", b"[[0,0,0],[0,1,0]]"]
     keys = [_cases(tmp_path, shapes=[("bar.json", data)])[0].key for data in bars]
     assert keys[0] == keys[1] != keys[2]
+
+
+def test_a_larger_spec_has_the_keys_of_a_smaller_one(tmp_path: Path) -> None:
+    methods = {"auto": {}, "peel": {"strategy": "peel"}}
+    small = _cases(tmp_path, shapes=["gallery:wrench-24"], seeds="0-1")
+    large = _cases(tmp_path, shapes=["gallery:*-24"], seeds="0-3", methods=methods)
+    assert {fold.key for fold in small} < {fold.key for fold in large}
+    assert len({fold.key for fold in large}) == 16
