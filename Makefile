@@ -174,7 +174,7 @@ faults: $(STAMP) tools ## Put deliberate mistakes into the code and run the test
 	@$(BIN)/python -m tests.faults $(ARGS)
 
 load: $(STAMP) tools ## Measure the service under load, attacks and crashes: a table, and JSON in out/
-	@$(BIN)/python -m bench.load
+	@$(BIN)/python -m bench.load $(ARGS)
 
 audit: $(STAMP) ## Search code and dependencies for known vulnerabilities
 	@$(BIN)/bandit -q -c pyproject.toml -r server cli words web planner client foldback

@@ -59,7 +59,7 @@ class SessionLock:
         on_notice: Callable[[], None] = lambda: None,
     ) -> None:
         self._name, self._lease_s = name, lease_s
-        # A session of its own; the options of the address come first.
+        # One session, with the address's password and encryption.
         self._engine = sa.create_engine(
             url,
             poolclass=NullPool,

@@ -8,7 +8,7 @@ import pytest
 
 from bench.load.loopback import NotHereError, checked
 
-SECTIONS = ("scrubbing", "uploads", "mutated", "strangers", "viewers", "workers")
+SECTIONS = ("scrubbing", "uploads", "mutated", "strangers", "takeover", "viewers", "workers")
 
 
 def test_load_goes_to_this_machine_only() -> None:
