@@ -68,7 +68,7 @@ class SessionLock:
             hide_parameters=True,
         )
         self._on_taken, self._on_notice = on_taken, on_notice
-        self._taken_at = self._answered_at = -math.inf
+        self._answered_at = self._settled_at = -math.inf
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="session lock", daemon=True)
         self._thread.start()
@@ -80,8 +80,8 @@ class SessionLock:
 
     @property
     def settled(self) -> bool:
-        """True if it has been held for so long that other live processes hold theirs, too."""
-        return self.held and time.monotonic() - self._taken_at > min(SETTLE_S, self._lease_s)
+        """True if the lock is held and, after a loss, other processes had time to take theirs."""
+        return self.held and time.monotonic() >= self._settled_at
 
     def close(self) -> None:
         """Release the lock."""
@@ -95,6 +95,7 @@ class SessionLock:
                     self._hold(session)
             except SQLAlchemyError as error:
                 if self._answered_at > -math.inf:
+                    self._settled_at = math.inf
                     log.warning("the database has ended the session of %s: %s", self._name, error)
             self._answered_at = -math.inf
             self._closing.wait(RETRY_S)
@@ -116,7 +117,7 @@ class SessionLock:
             if not is_taken and session.scalar(sa.func.pg_try_advisory_lock(_key(self._name))):
                 is_taken = True
                 self._on_taken()
-                self._taken_at = asked_at
+                self._settled_at = min(self._settled_at, asked_at + SETTLE_S)
                 self._on_notice()  # for jobs that came before
             # Notices arrive at any time, and are read with the next answer.
             session.exec_driver_sql("SELECT 1")

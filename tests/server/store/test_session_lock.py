@@ -80,7 +80,7 @@ def test_lock_lost_by_a_restart_of_the_database_is_taken_again(
 ) -> None:
     """For a while, its holder concludes nothing from missing locks of others."""
     with closing(SessionLock(url, "name", 30.0)) as lock:
-        wait_until(lambda: lock.held)
+        wait_until(lambda: lock.settled)
         postgres.kill()
         wait_until(lambda: not lock.held)
         postgres.start()
