@@ -1,1 +1,1 @@
-"""Sweeps: processor time besides the folds, faults, and large sweeps."""
+"""Sweeps: specs of benchmarks; processor time besides folds, faults, and very large sweeps."""

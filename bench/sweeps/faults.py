@@ -31,14 +31,14 @@ FAULTS_OF_A_KIND: Final = 20
 """Number of faults of each kind."""
 WORKERS: Final = 3
 """Number of workers, of which one is connected by a relay."""
-WORKER_TTL_S: Final = 5.0
+WORKER_TTL_S: Final = 10.0
 """Time without a sign of life after which Dask's scheduler gives a worker up, s. Dask's default is
 5 minutes."""
 ABSENCE_S: Final = WORKER_TTL_S + 3.0
 """Time for which a worker is suspended or cut off, s."""
 ROWS_BETWEEN: Final = 8
 """Number of rows that are written between a fault and the next one."""
-TIMEOUT_S: Final = 120.0
+TIMEOUT_S: Final = 300.0
 """Time without these rows after which the sweep counts as stalled, s."""
 CONFIGURATION: Final = {
     "DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL": f"{WORKER_TTL_S} s",
@@ -62,6 +62,8 @@ class FaultyCluster:
             self._start(
                 *(f"worker-{index}", "-m", "distributed.cli.dask_worker"),
                 *(f"tcp://127.0.0.1:{worker_port}", "--nthreads", "1", "--no-dashboard"),
+                # A worker that loads them later is silent for seconds, and counts as lost.
+                *("--preload", "foldback.planner.sweeps.limited_process"),
                 *("--local-directory", str(directory / "workers"), "--memory-limit", "0"),
             )
             for index, worker_port in enumerate(ports)

@@ -6,12 +6,13 @@ import logging
 import socket
 import time
 from collections.abc import Callable, Generator, Mapping
-from concurrent.futures import Executor, Future
+from concurrent.futures import CancelledError, Executor, Future, InvalidStateError
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from ipaddress import ip_address
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 from urllib.parse import urlsplit
 
 from foldback.planner.cpu_cores import cores
@@ -20,6 +21,7 @@ from foldback.planner.sweeps.run import CASES_PER_WORKER
 
 if TYPE_CHECKING:
     from distributed import Client, SpecCluster
+    from distributed import Future as DaskFuture
 
 T = TypeVar("T")
 CONFIGURATION: Final = {
@@ -71,21 +73,49 @@ class DaskExecutor(Executor):
 
     def __init__(self, client: Client) -> None:
         self._client = client
-        self._executor = client.get_executor(pure=False)
         self._size = 0
         self._size_read_s = float("-inf")
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
-        """Submit ``run_limited`` with a case."""
-        return self._executor.submit(fn, *args, is_unwanted=is_unwanted, **kwargs)
+        """Submit ``run_limited`` with a case.
+
+        Dask's own executor leaves a future unfinished forever if the scheduler ends while a result
+        is fetched; here it is cancelled.
+        """
+        future: Future[T] = Future()
+        task = self._client.submit(fn, *args, pure=False, is_unwanted=is_unwanted, **kwargs)
+        future.add_done_callback(partial(_cancel, task))
+        task.add_done_callback(partial(_finish, future))
+        return future
 
     def at_once(self) -> int:
         """Return the number of cases that the cluster is given at a time."""
         now_s = time.monotonic()
         if now_s - self._size_read_s > SIZE_PERIOD_S and self._client.status == "running":
             self._size_read_s = now_s
-            self._size = int(self._client.scheduler_info(n_workers=0)["total_threads"])
+            self._size = int(
+                self._client.scheduler_info(n_workers=0).get("total_threads", self._size)
+            )
         return max(MIN_CASES_AT_ONCE, CASES_PER_WORKER * self._size)
+
+
+def _cancel(task: DaskFuture[Any], future: Future[Any]) -> None:
+    """Cancel a Dask task if its future is cancelled."""
+    if future.cancelled():
+        task.cancel()
+
+
+def _finish(future: Future[Any], task: DaskFuture[Any]) -> None:
+    """Pass the end of a Dask task on to a future."""
+    with suppress(InvalidStateError):  # nobody waits for it any more
+        try:
+            error = cast("Exception | None", task.exception())
+            if error is not None:
+                future.set_exception(error)
+            else:
+                future.set_result(task.result())
+        except (CancelledError, OSError):  # the scheduler has ended, before or while it answered
+            future.cancel()
 
 
 def is_unwanted() -> bool:
