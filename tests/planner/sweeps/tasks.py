@@ -117,3 +117,14 @@ class NoteAndHang:
     def __call__(self, cancelled: Cancelled) -> Row:
         _note_start(self.witness)
         return hang(cancelled)
+
+
+@dataclass(frozen=True)
+class Note:
+    """Note each start in a file."""
+
+    witness: Path
+
+    def __call__(self, cancelled: Cancelled) -> Row:
+        _note_start(self.witness)
+        return {"verdict": "noted"}

@@ -3,9 +3,11 @@
 from pathlib import Path
 
 import psutil
+from distributed import Client, LocalCluster
+from distributed.comm import CommClosedError
 
 from foldback.planner.sweeps.case import Case
-from foldback.planner.sweeps.executors import Place, executor_on, is_public
+from foldback.planner.sweeps.executors import DaskExecutor, Place, executor_on, is_public
 from foldback.planner.sweeps.limited_process import run_limited
 from foldback.planner.sweeps.run import run_cases
 from tests.planner.sweeps import tasks
@@ -43,3 +45,22 @@ def test_certificates_are_asked_for_and_public_addresses_found() -> None:
     assert is_public("tcp://8.8.8.8:8786")
     for on in ("tls://8.8.8.8:8786", "tcp://10.0.0.5:8786", "tcp://127.0.0.1:9", "s.json"):
         assert not is_public(on)
+
+
+def test_case_whose_result_a_dead_scheduler_keeps_is_computed_again(tmp_path: Path) -> None:
+    witness = tmp_path / "starts"
+    with (
+        LocalCluster(1, 1, processes=False, dashboard_address="127.0.0.1:0") as cluster,
+        Client(cluster) as client,
+    ):
+        fetch = client.scheduler.gather
+
+        async def fetch_later(**keys: object) -> object:
+            client.scheduler.gather = fetch
+            raise CommClosedError("the scheduler has ended")
+
+        client.scheduler.gather = fetch_later
+        noted = Case(key="1", columns={}, task=tasks.Note(witness))
+        rows = list(run_cases([noted], [].append, DaskExecutor(client), at_once=1))
+        assert [row["verdict"] for row in rows] == ["noted"]
+        assert len(witness.read_text().splitlines()) == 2
