@@ -94,6 +94,9 @@ def sweep(
         if status:
             _show_status(sweep_spec, out)
             return
+        if axes and spec is not None and spec.is_dir():
+            _redraw(sweep_spec, out)
+            return
         from foldback.planner.sweeps.executors import Place
 
         options = _pairs(slurm or [], "--slurm")
@@ -213,6 +216,14 @@ def _show_status(spec: SweepSpec, out: Path) -> None:
         grid.add_row(str(count), Text(verdict))
     grid.add_row(str(state.cases.left(state.rows)), "left")
     Console().print(grid)
+
+
+def _redraw(spec: SweepSpec, out: Path) -> None:
+    """Draw the map anew from the rows of a directory; compute nothing."""
+    from foldback.planner.sweeps.sweep import SweepState, write_results
+
+    state = SweepState.of(spec, out)
+    write_results(spec, out, state.rows, state.cases.left(state.rows), redraw=True)
 
 
 @contextmanager

@@ -74,6 +74,14 @@ def test_plan_and_status_compute_nothing(place: Path) -> None:
     assert not (place / "out").exists()
 
 
+def test_map_of_a_directory_is_drawn_and_nothing_computed(place: Path) -> None:
+    _with_row(place)
+    (place / "map" / "sweep.toml").write_text('shapes = "gallery:*-24"\nseeds = "0-9"\n')
+    done = foldback("sweep", "map", "--map", "rows=method,columns=shape,by=group")
+    assert done.returncode == 0, done.stderr
+    assert "1 folds computed, 0 verified, 19 left." in (place / "map" / "index.html").read_text()
+
+
 def test_sweep_that_is_done_imports_no_engine(place: Path) -> None:
     _with_row(place)
     foldback("sweep", "map")  # writes the tables
