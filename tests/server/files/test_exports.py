@@ -290,3 +290,23 @@ def test_failed_file_is_made_again(store: Store, small_fold: FoldRow) -> None:
         assert await shop.flight.get_or_make("key", lambda: 1) == 1
 
     asyncio.run(ask())
+
+
+def test_export_is_flushed_to_disk_before_it_counts(
+    store: Store, small_fold: FoldRow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A power cut leaves empty those files that were renamed and not flushed."""
+    directory = store.directory(small_fold.id)
+    flushed: list[int] = []
+    flush = os.fsync
+
+    def fsync(handle: int) -> None:
+        flushed.append(os.fstat(handle).st_ino)
+        flush(handle)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    path = asyncio.run(
+        Artifacts(store).file(small_fold.id, directory, "plan.json", lambda: b"{}", of="plan")
+    )
+    assert path.read_bytes() == b"{}"
+    assert path.stat().st_ino in flushed
