@@ -3,6 +3,7 @@
 import gc
 import os
 import shutil
+import signal
 import sys
 from collections.abc import Generator, Iterator
 from functools import cache
@@ -92,8 +93,11 @@ def pytest_xdist_auto_num_workers() -> int:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Let runs on several processes report their progress."""
+    """Let runs on several processes report their progress, and Ctrl+C reach what tests start."""
     progress.add_to(config)
+    # A shell lets background jobs ignore it, and programs that they start would, too.
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
