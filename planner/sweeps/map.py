@@ -255,7 +255,7 @@ def write_map(
         or (name not in HIDDEN_COLUMNS and len({row.get(name) for row in shown}) > 1)
     ]
     keys = {str(row["key"]) for row in shown}
-    kept = keys & {path.name for path in directory.glob(f"{PLANS_DIR}/*")}
+    plan_keys = keys & {path.name for path in directory.glob(f"{PLANS_DIR}/*")}
     played = {path.stem for path in directory.glob(PAGE_OF_PLAN.format("*"))}
     data = {
         "columns": columns,
@@ -265,7 +265,7 @@ def write_map(
             + [row.get(name) for name in columns]
             for row in shown
         ],
-        "plans": {key: PAGE_OF_PLAN.format(key) if key in played else "" for key in kept},
+        "plans": {key: PAGE_OF_PLAN.format(key) if key in played else "" for key in plan_keys},
     }
     verified = sum(bool(row.get("verified")) for row in current)
     summary = f"{len(current)} folds computed, {verified} verified"

@@ -156,8 +156,8 @@ def _methods(names: list[str] | None) -> dict[str, dict[str, str]]:
     for name in names or ():
         field = "strategy" if name in STRATEGY_CHOICES else "preset"
         if name not in STRATEGY_CHOICES and name not in PRESET_CHOICES:
-            known = ", ".join([*STRATEGY_CHOICES, *PRESET_CHOICES])
-            raise InputError("bad-method", f"got the method {name!r}, expected one of: {known}.")
+            choices = ", ".join([*STRATEGY_CHOICES, *PRESET_CHOICES])
+            raise InputError("bad-method", f"got the method {name!r}, expected one of: {choices}.")
         methods[name] = {field: name}
     return methods
 
