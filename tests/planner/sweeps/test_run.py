@@ -12,10 +12,10 @@ from tests.case import case
 from tests.planner.sweeps import tasks
 
 
-def cases(number: int, taken: list[int] | None = None) -> Iterator[Case]:
+def cases(number: int, cases_taken: list[int] | None = None) -> Iterator[Case]:
     for index in range(number):
-        if taken is not None:
-            taken.append(index)
+        if cases_taken is not None:
+            cases_taken.append(index)
         yield Case(key=str(index), columns={"index": index}, task=tasks.empty)
 
 
@@ -51,11 +51,11 @@ class Immediate(Executor):
 
 
 def test_cases_are_taken_when_there_is_room() -> None:
-    taken: list[int] = []
+    cases_taken: list[int] = []
     written: list[Row] = []
-    rows = run_cases(cases(1000, taken), written.append, Immediate(), at_once=lambda: 4)
+    rows = run_cases(cases(1000, cases_taken), written.append, Immediate(), at_once=lambda: 4)
     assert next(rows) == written[0]
-    assert taken == [0, 1, 2, 3]
+    assert cases_taken == [0, 1, 2, 3]
     rows.close()
     assert len(written) == 1
 
@@ -84,11 +84,11 @@ def test_cases_follow_from_rows() -> None:
 
 
 def test_files_are_stored_before_the_row(tmp_path: Path) -> None:
-    kept = Case(key="1", columns={}, task=tasks.empty, keep=tmp_path / "plans" / "1")
+    storing_case = Case(key="1", columns={}, task=tasks.empty, keep=tmp_path / "plans" / "1")
     stored: list[bytes] = []
 
     def add(row: Row) -> None:
         stored.append((tmp_path / "plans" / "1" / "a" / "plan").read_bytes())
 
-    list(run_cases([kept], add, Immediate(), at_once=1))
+    list(run_cases([storing_case], add, Immediate(), at_once=1))
     assert stored == [b"1"]

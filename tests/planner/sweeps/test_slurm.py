@@ -74,12 +74,16 @@ def sweep_with_a_cancelled_job(slurm: Slurm, out: Path, *options: str) -> list[d
 
 def check_rows(rows: list[dict[str, Any]], out: Path) -> None:
     """Check that each fold has one row, on standard output and in the tables."""
-    wanted = sorted((name, seed) for name in SHAPES for seed in range(SEEDS))
-    assert sorted((row["shape"], row["seed"]) for row in rows) == wanted
+    shapes_and_seeds = sorted((name, seed) for name in SHAPES for seed in range(SEEDS))
+    assert sorted((row["shape"], row["seed"]) for row in rows) == shapes_and_seeds
     assert all(row["verified"] for row in rows)
-    assert len(Rows(out).read()) == pq.read_table(out / "results.parquet").num_rows == len(wanted)
+    assert (
+        len(Rows(out).read())
+        == pq.read_table(out / "results.parquet").num_rows
+        == len(shapes_and_seeds)
+    )
     written = [line for path in (out / "rows").iterdir() for line in path.read_text().splitlines()]
-    assert len(written) == len(wanted)
+    assert len(written) == len(shapes_and_seeds)
 
 
 def test_array_of_workers_computes_all_folds_although_one_is_cancelled(
