@@ -254,16 +254,17 @@ class Workspace:
     def write_plan(self, plan: Plan, playback: Playback | None) -> None:
         """Write the plan of a fold, and its model if the chain is not too long.
 
-        The file of its playback then leaves out the reference, which is the plan's motion.
+        The file of its playback then leaves out the reference, which is the plan's motion. Both
+        are flushed to the disk: neither can be computed again without the other.
         """
         if len(plan.chain) <= mjcf.MAX_MODEL_MODULES:
             write_whole(self.directory / names.MODEL, mjcf.write(plan))
         else:
             self._drop(names.MODEL)
-        plan.save_npz(self.directory / names.PLAN)
+        plan.save_npz(self.directory / names.PLAN, durable=True)
         if playback is not None:
             path = self.directory / names.PLAYBACK
-            playback.save(path, frames=False, reference=False)
+            playback.save(path, frames=False, reference=False, durable=True)
 
     def drop_manifest(self) -> None:
         """Remove the digests of files that are about to change."""

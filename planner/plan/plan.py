@@ -316,9 +316,14 @@ class Plan:
         """Return the JSON form as text."""
         return json.dumps(self.as_dict(), separators=(",", ":")).encode()
 
-    def save_npz(self, path: FilePath) -> None:
-        """Write the arrays, with all else as JSON text in ``plan``; no pickle is needed."""
-        save_npz(path, self.npz_arrays(), level=DEFLATE_LEVEL)
+    def save_npz(self, path: FilePath, *, durable: bool = False) -> None:
+        """Write the arrays, with all else as JSON text in ``plan``; no pickle is needed.
+
+        Args:
+            path: Path of the file.
+            durable: Flush the file to the disk, so that it survives a power cut.
+        """
+        save_npz(path, self.npz_arrays(), level=DEFLATE_LEVEL, durable=durable)
 
     def npz_arrays(self) -> dict[str, Any]:
         """Return the arrays of the ``.npz`` form by name."""

@@ -106,13 +106,21 @@ class Playback:
         figures = {name: getattr(self, name) for name in ("status", *_SCALARS)}
         return figures | {"reason": self.reason and self.reason.as_dict()} | rests
 
-    def save(self, path: FilePath, *, frames: bool = True, reference: bool = True) -> None:
+    def save(
+        self,
+        path: FilePath,
+        *,
+        frames: bool = True,
+        reference: bool = True,
+        durable: bool = False,
+    ) -> None:
         """Write an ``.npz`` that is either complete or absent.
 
         Args:
             path: Path of the file.
             frames: False if the timeline beside it holds the frames.
             reference: False if the plan beside it holds the reference.
+            durable: Flush the file to the disk, so that it survives a power cut.
         """
         columns = self.frames.columns() if frames else {}
         save_npz(
@@ -127,6 +135,7 @@ class Playback:
                 **({} if self.rest_frames is None else {"rest_frames": self.rest_frames}),
                 **columns,
             },
+            durable=durable,
         )
 
     def _reference_columns(self) -> dict[str, Any]:

@@ -18,7 +18,7 @@ MAX_LISTED_EXAMPLES: Final = 6
 of modules lists; further ones are only counted."""
 TABLE_RESULTS: Final = "table_results.json"
 """Name of the file that lists the gallery examples which fold on a table, with the joint torque of
-each; ``examples/run_gallery.py --world table`` writes it."""
+each; ``python -m bench.stored_sweeps table`` writes it."""
 DEFAULT_TAGS: Final = ("paper",)
 """Tags of gallery shapes whose file names none; these are the shapes of the published paper."""
 

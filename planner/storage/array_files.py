@@ -37,19 +37,22 @@ MAX_ARRAY_BYTES: Final = 2**28
 """Maximum size, in bytes, of an array that ``read_arrays`` unpacks: 256 MiB."""
 
 
-def save_npz(path: FilePath, arrays: Mapping[str, Any], *, level: int = 1) -> int:
+def save_npz(
+    path: FilePath, arrays: Mapping[str, Any], *, level: int = 1, durable: bool = False
+) -> int:
     """Write arrays to a temporary file and rename it: the file is either complete or absent.
 
     Args:
         path: Path of the file.
         arrays: Arrays by name.
         level: Level of zlib, 1 to 9, for arrays that compression makes smaller.
+        durable: Flush the file to the disk, so that it survives a power cut.
 
     Returns:
         The file's checksum.
     """
     with (
-        written_aside(path) as temporary_path,
+        written_aside(path, durable=durable) as temporary_path,
         ZipFile(temporary_path, "w", compresslevel=level) as file,
     ):
         for name, value in arrays.items():

@@ -65,15 +65,24 @@ def refuses_writing(place: FilePath) -> bool:
 
 
 @contextmanager
-def written_aside(path: FilePath) -> Generator[FilePath]:
+def written_aside(path: FilePath, *, durable: bool = False) -> Generator[FilePath]:
     """Yield the path of a temporary file, which replaces a file if the context ends without error.
 
     The file is thus either whole or not there.
+
+    Args:
+        path: Path of the file.
+        durable: Flush the file and its new name to the disk. Without it, a power cut can leave an
+            empty file.
     """
     temporary = temporary_path(path)
     try:
         yield temporary
+        if durable:
+            sync(temporary)
         temporary.replace(path)
+        if durable:
+            sync(path.parent)
     finally:
         with suppress(OSError):  # an error of the write itself must not be replaced
             temporary.unlink(missing_ok=True)
@@ -128,6 +137,15 @@ def sealed_json_of(path: FilePath) -> dict[str, Any]:
 def _seal_of(text: bytes) -> bytes:
     """Return the line before sealed JSON."""
     return f"sha256 {hashlib.sha256(text).hexdigest()}\n".encode()
+
+
+def sync(path: FilePath) -> None:
+    """Flush a directory, or a file, to the disk."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def settle(directory: FilePath) -> None:

@@ -12,7 +12,7 @@ from foldback.planner.storage.files import written_aside
 from foldback.server.errors import not_stored
 from foldback.server.limits.disk_space import check_space
 from foldback.server.limits.single_flight import SingleFlight
-from foldback.server.store.fold_files import EXPORTS_DIR, sync
+from foldback.server.store.fold_files import EXPORTS_DIR
 from foldback.server.store.folds import NoSuchFoldError, Store
 
 FILES_AT_ONCE: Final = 2
@@ -108,9 +108,9 @@ class Artifacts:
             place = path.parent if self._folder else directory
             check_space(place, self._min_free_disk_bytes, needed=len(data))
             path.parent.mkdir(exist_ok=True)
-            with written_aside(path) as partial_path:
+            # After a power cut, an empty file would count as complete.
+            with written_aside(path, durable=True) as partial_path:
                 partial_path.write_bytes(data)
-                sync(partial_path)  # after a power cut, an empty file would count as complete
         except FileNotFoundError as error:  # the fold was deleted in the meantime
             raise NoSuchFoldError(fold_id) from error
         except OSError as error:

@@ -105,6 +105,9 @@ class FoldFigures:
 
     def _computed(self, located: LocatedFold) -> None:
         directory = located.directory
+        # An earlier computation may have ended after this request had looked for its files.
+        if directory in self._elsewhere or not self._lacks(located):
+            return
         try:
             if (place := self._compute(located)) != directory:
                 self._elsewhere[directory] = place

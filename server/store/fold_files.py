@@ -22,7 +22,7 @@ from foldback.planner.errors import UNREADABLE, TimelineError
 from foldback.planner.motion.timeline import frames_on_disk
 from foldback.planner.pipeline.fold_layout import result_path
 from foldback.planner.storage.file_names import TIMELINE
-from foldback.planner.storage.files import written_aside
+from foldback.planner.storage.files import sync, written_aside
 from foldback.server.errors import NoSuch
 from foldback.server.settings import Settings
 from foldback.server.store.object_store import FETCHED_INDEX, Storage, open_storage
@@ -209,9 +209,8 @@ class Folders:
             raise NoSuchFoldError(fold_id)
         movies = place / MOVIES
         movies.mkdir(exist_ok=True)
-        with written_aside(movies / name) as partial_path:
+        with written_aside(movies / name, durable=True) as partial_path:
             shutil.copyfile(path, partial_path)
-            sync(partial_path)
 
     def remove_movie(self, fold_id: str, name: str) -> None:
         """Remove the file of a movie, if there is one.
@@ -346,15 +345,6 @@ def size_of(directory: Path, *, but: Collection[str] = ()) -> int:
             if path.is_file() and not path.is_symlink():
                 total += path.stat().st_size
     return total
-
-
-def sync(path: Path) -> None:
-    """Flush a directory, or a file, to the disk."""
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def _key(fold_id: str, epoch: int) -> str:

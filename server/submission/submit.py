@@ -17,6 +17,7 @@ from foldback.planner.pipeline.expected_cost import ExpectedCost
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.progress import STAGE_TEXTS
 from foldback.planner.storage.file_names import PREPARED, REQUEST
+from foldback.planner.storage.files import sync
 from foldback.server.context import Context
 from foldback.server.errors import Conflict, Unusable, not_stored
 from foldback.server.files.uploads import Upload, not_read
@@ -25,7 +26,7 @@ from foldback.server.limits.queue_room import Waiting, check_room
 from foldback.server.processes.children import ChildError
 from foldback.server.processes.read_task import MAX_DRAWN_CELLS
 from foldback.server.settings import Settings
-from foldback.server.store.fold_files import size_of, sync
+from foldback.server.store.fold_files import size_of
 from foldback.server.store.folds import cost_of, new_id
 from foldback.server.store.owner import Owner
 from foldback.server.store.schema import FoldRow, columns_of

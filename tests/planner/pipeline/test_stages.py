@@ -1,4 +1,5 @@
 import json
+import os
 import shutil
 from dataclasses import replace
 from pathlib import Path as FilePath
@@ -132,6 +133,31 @@ def test_failed_explosion_in_the_directory_of_a_good_fold_gives_a_failed_plan(
     assert timeline.status == "failed"
     with np.load(copy / "record.npz") as record:  # which others check without the timeline
         assert len(record["time_s"]) == len(timeline)
+
+
+def test_power_cut_during_export_leaves_the_reference(
+    copy: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The plan must be on the disk before the file of the playback drops the plan's angles."""
+    Playback.load(copy / "playback.npz").save(copy / "playback.npz", frames=False)
+    (copy / "plan.npz").unlink()
+    flushed: list[int] = []
+    flush, rename = os.fsync, FilePath.replace
+
+    def fsync(handle: int) -> None:
+        flushed.append(os.fstat(handle).st_ino)
+        flush(handle)
+
+    def replace(path: FilePath, target: FilePath) -> FilePath:
+        if target.name == "playback.npz":
+            assert (copy / "plan.npz").stat().st_ino in flushed
+            assert path.stat().st_ino in flushed
+        return rename(path, target)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    monkeypatch.setattr(FilePath, "replace", replace)
+    run(copy, "export")
+    assert (copy / "playback.npz").stat().st_ino in flushed
 
 
 @pytest.mark.parametrize("stage", ["explode", "play_back", "certify"])

@@ -172,6 +172,37 @@ def test_requests_at_once_share_one_computation(located: LocatedFold, tmp_path: 
     assert len(calls) == 1
 
 
+def test_request_that_looked_before_a_computation_ended_shares_its_result(
+    located: LocatedFold, tmp_path: Path
+) -> None:
+    calls: list[LocatedFold] = []
+    second_looks, first_is_over = threading.Event(), threading.Event()
+
+    def lacks(directory: Path) -> bool:
+        if calls and not first_is_over.is_set():
+            second_looks.set()
+            assert first_is_over.wait(10)
+        return True
+
+    def compute(fold: LocatedFold) -> Path:
+        calls.append(fold)
+        assert second_looks.wait(10)
+        return tmp_path / "elsewhere"
+
+    async def ask() -> list[LocatedFold]:
+        figures = FoldFigures(compute, lacks=lacks)
+        first = asyncio.ensure_future(figures.of(located))
+        while not calls:
+            await asyncio.sleep(0)
+        second = asyncio.ensure_future(figures.of(located))
+        await first
+        first_is_over.set()
+        return [await first, await second]
+
+    assert [fold.derived_dir for fold in asyncio.run(ask())] == [tmp_path / "elsewhere"] * 2
+    assert len(calls) == 1
+
+
 def test_running_folds_and_other_plans_are_left_alone(located: LocatedFold) -> None:
     compute = MagicMock()
     running = replace(located, row=MagicMock(spec=ShownFold, status="running"))
