@@ -26,6 +26,7 @@ from foldback.server.context import Context
 from foldback.server.http import problems
 from foldback.server.http.access_log import Access
 from foldback.server.http.base_path import BelowPath
+from foldback.server.http.cut_requests import CutRequests
 from foldback.server.http.forwarded_address import ForwardedAddress
 from foldback.server.http.head import HeadAsGet
 from foldback.server.http.read_only import ReadOnly
@@ -168,6 +169,7 @@ def _add_middleware(app: FastAPI, settings: Settings, metrics: Metrics) -> None:
         rate=settings.requests_per_second_of_visitor,
         burst=settings.requests_at_once_of_visitor,
     )
+    app.add_middleware(CutRequests)
     app.add_middleware(SecurityHeaders)
     app.add_middleware(Access, metrics=metrics)
     app.add_middleware(BelowPath, base_path=settings.base_path)

@@ -40,12 +40,12 @@ def reproduce(
         workers: Number of experiments at the same time.
     """
     path = files / "runs.jsonl"
-    asked = {experiment.id: experiment.asked for experiment in every}
+    requests = {experiment.id: experiment.asked for experiment in every}
     again = {experiment.id for experiment in experiments if repeats}
     runs = {
         id_: stored
         for id_, stored in stored_runs(path).items()
-        if asked.get(id_) == stored.asked and id_ not in again
+        if requests.get(id_) == stored.asked and id_ not in again
     }
     files.mkdir(parents=True, exist_ok=True)
     lines = [json.dumps(asdict(stored)) + "\n" for stored in runs.values()]

@@ -193,10 +193,12 @@ def test_every_pod_has_the_least_privileges(name: str) -> None:
 def test_settings_of_web_processes_and_workers_are_valid_and_equal() -> None:
     assert WEB["containers"][0]["envFrom"] == WORKER["containers"][0]["envFrom"]
     names = {name for name in SETTINGS if name.startswith("FOLDBACK_")}
-    given: dict[str, Any] = {
+    environment: dict[str, Any] = {
         name.removeprefix("FOLDBACK_").lower(): SETTINGS[name] for name in names
     }
-    settings = Settings(**given, database_url="postgresql://foldback:secret@database/foldback")
+    settings = Settings(
+        **environment, database_url="postgresql://foldback:secret@database/foldback"
+    )
     assert settings.workers == 0 and settings.drain_s > 0
 
 
