@@ -14,7 +14,6 @@ from rich.table import Table
 from foldback.cli.exit_statuses import NOT_ACHIEVED
 from foldback.planner.certificate.figures import FoldSummary
 from foldback.planner.chain.built_in_modules import module_of
-from foldback.planner.parameters.parameters import TURN_STRATEGIES
 from foldback.planner.pipeline.fold_layout import result_path
 from foldback.planner.storage.file_names import CHAIN
 from foldback.planner.storage.files import json_of
@@ -84,9 +83,8 @@ def show(summary: dict[str, Any], out: Path) -> None:
     row("Modules", summary["modules"])
     row("Likeness", likeness_words(summary.get("likeness")))
     row("Strategy", certificate_words.baseline(strategy) or strategy)
-    unfolding = "Unfolding" if strategy in TURN_STRATEGIES else "Explosion"
-    row(unfolding, summary["explosion"]["steps"] or None, "steps")
-    row("Playback", playback and (playback["steps"] or None), "steps")
+    row("Unfolding", summary["explosion"]["steps"] or None, "steps")
+    row("Folding", playback and (playback["steps"] or None), "steps")
     for name, value in certificate_words.rows(certificate):
         row(sentence(name), value)
     row("Written to", str(out))

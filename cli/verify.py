@@ -131,4 +131,4 @@ def _largest(directory: Path, result: Verification) -> tuple[float, str]:
     if (path := directory / PLAYBACK).exists():
         motions = followed(Playback.load(path))
     size = find_largest(plan.chain, motions, clear_at=result.certificate.module_size)
-    return size, "plan is" if len(motions) < 2 else "plan and playback are"
+    return size, "plan is" if len(motions) < 2 else "plan and simulated folding motion are"

@@ -13,7 +13,7 @@ STAGES: Final[tuple[Stage, ...]] = get_args(Stage)
 STAGE_TEXTS: Final = {
     "read": "reading the input",
     "explode": "unfolding",
-    "play_back": "the playback",
+    "play_back": "folding",
     "certify": "the clearance check",
     "export": "writing the plan",
 }

@@ -163,12 +163,16 @@ class Reader:
         frame: Returns a frame as text, given its number counted from 0.
         place: Returns the place of a frame in a motion as text, given the frame and the motion's
             name; empty to leave it out.
+        unfolding, folding: Names of the two phases: the motion from the folded shape to the
+            straight chain, and the motion back.
     """
 
     first: int
     length: Callable[[float], str]
     frame: Callable[[float], str]
     place: Callable[[float, str], str]
+    unfolding: str
+    folding: str
 
 
 PROGRAMS: Final = Reader(
@@ -176,6 +180,8 @@ PROGRAMS: Final = Reader(
     length="{:.3g} pitch".format,
     frame="{:g}".format,
     place=lambda frame, motion: f" (frame {frame:g} of the {motion})",
+    unfolding="explosion",
+    folding="playback",
 )
 """Style for files and the API: numbers count from 0, lengths are in pitches."""
 
@@ -243,8 +249,13 @@ class Reason:
 
 def _words(values: ReasonValues, reader: Reader) -> dict[str, Any]:
     """Return the values as texts, by name."""
-    words: dict[str, Any] = {**values}
+    words: dict[str, Any] = {
+        **values,
+        "unfolding": reader.unfolding,
+        "folding": reader.folding,
+    }
     if motion := words.get("motion"):
+        motion = words["motion"] = motion.replace("playback", reader.folding)
         if "robot" in words:
             motion = words["motion"] = f"{motion} of robot {words['robot'] + reader.first}"
         words["at"] = reader.place(words["frame"], motion) if "frame" in words else ""
@@ -299,12 +310,12 @@ def friction_text(friction: float, *, clamped: bool) -> str:
 
 TEXTS: Final = {
     ReasonCode.CANCELLED: "the check was cancelled",
-    ReasonCode.NO_PLAYBACK: "there is no playback",
-    ReasonCode.EXPLOSION_FAILED: "the explosion {status}",
-    ReasonCode.EXPLOSION_CANCELLED: "the explosion was cancelled",
+    ReasonCode.NO_PLAYBACK: "there is no {folding}",
+    ReasonCode.EXPLOSION_FAILED: "the {unfolding} {status}",
+    ReasonCode.EXPLOSION_CANCELLED: "the {unfolding} was cancelled",
     ReasonCode.TURNS_CANCELLED: "the search for turns was cancelled",
     ReasonCode.SMOOTHING_CANCELLED: "smoothing was cancelled",
-    ReasonCode.PLAYBACK_CANCELLED: "the playback was cancelled",
+    ReasonCode.PLAYBACK_CANCELLED: "the {folding} was cancelled",
     ReasonCode.SIMULATION_FAILED: "the simulation failed: {detail}",
     ReasonCode.MAX_STEPS: (
         "the chain was not straight after {steps} steps; try another seed, or another path through "
@@ -337,8 +348,8 @@ TEXTS: Final = {
         "the search for turns ended with {bent} hinges still bent, after it had tried the turns of "
         "{states}"
     ),
-    ReasonCode.NOT_STRAIGHT: "the chain was not straight after the explosion",
-    ReasonCode.PLAYBACK_FAILED: "the playback {status}",
+    ReasonCode.NOT_STRAIGHT: "the chain was not straight after the {unfolding}",
+    ReasonCode.PLAYBACK_FAILED: "the {folding} {status}",
     ReasonCode.MISSED: (
         "the modules ended {error} from their targets on average (root mean square)"
     ),
@@ -370,21 +381,21 @@ TEXTS: Final = {
     ),
     ReasonCode.PLAN_END: "the plan does not end in the folded shape",
     ReasonCode.PLAYBACK_END: (
-        "the playback ends {error} on average (root mean square) from the folded shape"
+        "the {folding} ends {error} on average (root mean square) from the folded shape"
     ),
     ReasonCode.OTHER_ROBOT_END: (
-        "the playback of another simulated robot ends {error} on average (root mean square) from "
-        "the folded shape"
+        "the {folding} of another simulated robot ends {error} on average (root mean square) "
+        "from the folded shape"
     ),
-    ReasonCode.PHASE_ORDER: "in the playback, unfolding and folding are in the wrong order",
+    ReasonCode.PHASE_ORDER: "in the {folding}, unfolding and folding are in the wrong order",
     ReasonCode.NEVER_STRAIGHT: "the plan does not become straight",
     ReasonCode.STARTS_BENT: "the plan does not start straight",
     ReasonCode.WINDOWED_START: (
-        "a playback in which only the moving hinges are stored does not start in the folded shape "
-        "of {start}"
+        "a {folding} in which only the moving hinges are stored does not start in the folded "
+        "shape of {start}"
     ),
     ReasonCode.PLAN_START: "the plan does not start in the folded shape of {start}",
-    ReasonCode.PLAYBACK_START: "the playback does not start in the folded shape of {start}",
+    ReasonCode.PLAYBACK_START: "the {folding} does not start in the folded shape of {start}",
     ReasonCode.STRAIGHT_ERROR: (
         "at the straight shape, the modules are {error} on average (root mean square) from their "
         "places"
@@ -402,7 +413,7 @@ TEXTS: Final = {
         "in the {motion}, a frame has an earlier time than the frame before it"
     ),
     ReasonCode.OTHER_ROBOTS: (
-        "the playbacks of the other simulated robots do not match the plan, or contain infinite "
+        "the {folding}s of the other simulated robots do not match the plan, or contain infinite "
         "or undefined joint angles"
     ),
     ReasonCode.TIPS_OVER: (

@@ -1,7 +1,7 @@
 """Palette: the colours of modules, and their conversion for viser's mesh instances.
 
 Each colour has one meaning: red is a joint error, blue a selected module, orange a module at which
-a fold stalled, grey an error that was not recorded.
+a fold stalled, grey an error that was not recorded, although that of other modules was.
 """
 
 from __future__ import annotations
@@ -86,14 +86,10 @@ def own_colours(module: Module, modules: int) -> NDArray[np.uint8]:
 
 
 def error_scale(largest_rad: float) -> float:
-    """Return the end of the colour scale in rad: 1, 2 or 5 times a power of ten."""
-    if not np.isfinite(largest_rad) or largest_rad <= MIN_ERROR_SCALE_RAD:
-        return MIN_ERROR_SCALE_RAD
-    power = 10.0 ** np.floor(np.log10(largest_rad))
-    for factor in (1.0, 2.0, 5.0, 10.0):
-        if largest_rad <= factor * power * (1 + 1e-9):
-            return float(factor * power)
-    raise AssertionError(f"internal error: found no colour scale that ends above {largest_rad} rad")
+    """Return the end of the colour scale in rad: the largest error, unless that is rounding."""
+    return (
+        max(largest_rad, MIN_ERROR_SCALE_RAD) if np.isfinite(largest_rad) else MIN_ERROR_SCALE_RAD
+    )
 
 
 def module_errors(joint_error_rad: Array, module: Module, modules: int) -> Array:
@@ -114,8 +110,13 @@ def module_errors(joint_error_rad: Array, module: Module, modules: int) -> Array
 
 
 def error_colours(errors_rad: Array, scale_rad: float) -> NDArray[np.uint8]:
-    """Convert (n,) errors to (n, 3) sRGB bytes: redder if larger, grey if unknown."""
+    """Convert (n,) errors to (n, 3) sRGB bytes: redder if larger, grey if unknown.
+
+    If no error is known, as while the chain unfolds, the colours show the positions in the chain.
+    """
     is_known = np.isfinite(errors_rad)
+    if not is_known.any():
+        return ramp_colours(np.linspace(0.0, 1.0, len(errors_rad)))
     share = np.clip(np.where(is_known, errors_rad, 0.0) / scale_rad, 0.0, 1.0)
     colours = _RAMP[np.rint(share * (RAMP_COLOURS - 1)).astype(np.int64)]
     colours[~is_known] = UNKNOWN_ERROR_RGB

@@ -258,10 +258,10 @@ def on_table(certificate: CertificateFigures, record: TableRecord | None) -> Tab
     if record is not None:
         rows += [
             (
-                "How often the simulation of the explosion went back to an earlier frame",
+                "How often the simulation of unfolding went back to an earlier frame",
                 quantity(record.taken_back),
             ),
-            ("Torque limit in the explosion", _rose(record)),
+            ("Torque limit while unfolding", _rose(record)),
         ]
     servos, named = _servos(table) if table.torque is not None else ("", [])
     return {

@@ -221,7 +221,7 @@ def _overlap(summary: FoldSummary) -> _Overlap | None:
     for motion, clearance, place in (
         ("the plan", certificate.get("min_clearance"), certificate.get("min_clearance_at")),
         (
-            "the simulated playback",
+            "the simulated folding motion",
             certificate.get("min_clearance_playback"),
             certificate.get("min_clearance_playback_at"),
         ),
@@ -277,9 +277,9 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
     if (smooths := attempt.get("smooths")) is not None:
         traits.append(f"smoothed version of attempt {smooths + 1}")
     if "finer" in attempt:
-        traits.append("played back in a larger number of smaller steps")
+        traits.append("folded in a larger number of smaller steps")
     if "patience" in attempt:
-        traits.append("played back more slowly near straight")
+        traits.append("folded more slowly near straight")
     refusal = attempt.get("refusal")
     status = str(attempt["status"])
     tone = "off"

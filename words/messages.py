@@ -29,6 +29,8 @@ PEOPLE: Final = Reader(
     length=spacings,
     frame=lambda frame: str(nearest_frame(frame) + 1),
     place=lambda frame, motion: f" (frame {nearest_frame(frame) + 1} of the {motion})",
+    unfolding="unfolding",
+    folding="folding motion",
 )
 """Style of reasons for people: numbers count from 1, lengths are shares of the spacing."""
 

@@ -176,7 +176,7 @@ class _Plan:
         parts += [f"path {attempt['candidate'] + 1}"] if attempt["candidate"] else []
         parts += [f"seed {attempt['seed']}"] if attempt["seed"] else []
         parts += ["hinges turn more freely"] if attempt.get("plain") else []
-        parts += ["smaller playback steps"] if "finer" in attempt else []
+        parts += ["smaller folding steps"] if "finer" in attempt else []
         parts += ["slower near straight"] if "patience" in attempt else []
         return ", ".join(parts)
 

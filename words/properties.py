@@ -24,7 +24,7 @@ from foldback.planner.parameters.explosion import (
     PeelingParameters,
     TableParameters,
 )
-from foldback.planner.parameters.parameters import FLOATING, TURN_STRATEGIES
+from foldback.planner.parameters.parameters import FLOATING
 from foldback.planner.parameters.playback import PlaybackParameters, RobotParameters
 from foldback.planner.parameters.published import PaperExplosionParameters
 from foldback.planner.pipeline.fold_layout import plan_values, result_path
@@ -186,17 +186,15 @@ class _Fold:
 
     def computation_rows(self) -> Rows:
         explosion, playback = self.explosion, self.playback
-        stage_title = "Unfolding" if explosion.get("strategy") in TURN_STRATEGIES else "Explosion"
-        if self.summary.get("smoothing"):
-            stage_title = "Smoothing"
+        stage_title = "Smoothing" if self.summary.get("smoothing") else "Unfolding"
         kinematic = playback.get("kind") == "kinematic"
         not_simulated = certificate_words.NOT_SIMULATED if kinematic else None
         return [
             (f"{stage_title} steps", explosion.get("steps") or None),
             (f"{stage_title} frames", explosion.get("frames")),
             (f"Computing time: {stage_title.lower()}", quantity(explosion.get("seconds"), "s", 2)),
-            ("Playback steps", playback.get("steps") or not_simulated),
-            ("Computing time: playback", quantity(playback.get("seconds"), "s", 2)),
+            ("Folding steps", playback.get("steps") or not_simulated),
+            ("Computing time: folding", quantity(playback.get("seconds"), "s", 2)),
             ("Computing time: certificate", quantity(self.certificate.get("seconds"), "s", 2)),
             ("Simulated time", quantity(_simulated_s(self.directory), "s")),
         ]

@@ -20,16 +20,18 @@ AGAIN_LABELS: Final = {
     "same": "Fold again",
     "preset": "Try with the default preset",
     "module_size": "Try the default module size",
-    "strategy": "Try an explosion",
+    "strategy": "Try to unfold all hinges at once",
     "seed": "Try another random seed",
 }
 """Buttons that try a failed or cancelled fold again, by what changes."""
 RECORDED: Final = Button("Before smoothing", "The original plan")
 FLOATING_FOLD: Final = Button("In zero gravity", "The same fold without a table")
 PUBLISHED_CHANGED: Final = Button("Published method, modified", "With your own settings")
-EXPLOSION: Final = Button("By an explosion", "All hinges at once, without rests")
+EXPLOSION: Final = Button("All hinges at once", "Smooth motion, without rests between turns")
 OTHER_PRESETS: Final = {
-    "default": Button("Default preset", "Turns for short chains, otherwise an explosion"),
+    "default": Button(
+        "Default preset", "Single turns for short chains, otherwise all hinges at once"
+    ),
     "direct": Button(
         "Direct servoing", "Turns every joint directly to its final angle (fails for most shapes)"
     ),

@@ -177,7 +177,7 @@ def test_fold_is_refolded_or_smoothed(visit: Visit, wrench: str, way: str) -> No
         page.locator("#refold-shapes").get_by_role("button", name="Mallet").click()
     page.wait_for_url(lambda url: "/folds/" in url and wrench not in url)
     expect(page.locator("#verdict")).to_have_text(re.compile("^Verified"))
-    phases = {"refold": ["Unfolding", "Playback"], "smooth": ["Playback"]}
+    phases = {"refold": ["Unfolding", "Folding"], "smooth": ["Folding"]}
     expect(page.locator("#phases span")).to_have_text(phases[way])
     if way == "refold":
         return

@@ -26,7 +26,7 @@ from foldback.planner.chain.module import Piece
 from foldback.planner.chain.path import Path as CellPath
 from foldback.planner.chain.rotations import matrix_from_wxyz
 from foldback.planner.errors import InputError
-from foldback.web.palette import error_colours, error_scale
+from foldback.web.palette import error_colours
 from foldback.web.pictures.camera import distance_needed, framing
 from foldback.web.static_files import STATIC, scripts_of
 from foldback.web.timeline.columns import encode
@@ -257,12 +257,10 @@ def columns() -> Vectors:
 
 def colours() -> Vectors:
     shares = np.array([0.0, 0.1, 0.25, 0.5, 0.999, 1.0, 7.0, np.nan])
-    largest = [2e-3, 0.0051, 0.02, 0.21, 1.0, 3.4]
     return {
         "bundle": text(bundle_of(CHAINS["cubes"])),
         "shares": [None if np.isnan(v) else float(v) for v in shares],
         "errors": error_colours(shares, 1.0).ravel().tolist(),
-        "scales": [[value, error_scale(value)] for value in largest],
     }
 
 

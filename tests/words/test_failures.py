@@ -164,7 +164,7 @@ def test_failure_of_a_playback_that_ends_elsewhere() -> None:
     assert failure_page["heading"] == "The chain does not end in its target shape"
     assert failure_page["modules"] == []
     assert failure_page["text"] == (
-        "The playback ends one spacing on average (root mean square) from the folded shape."
+        "The folding motion ends one spacing on average (root mean square) from the folded shape."
     )
     beyond = failure(row(), summary("no-playback"))
     assert beyond is not None and beyond["heading"] == "Not verified"
@@ -201,4 +201,4 @@ def test_attempts_are_listed_with_strategy_and_outcome(tmp_path: Path) -> None:
     rows = attempts(tmp_path)
     assert {a["end"]: a["tone"] for a in rows} == ends
     assert rows[0]["strategy"] == "All at once"
-    assert rows[3]["how"] == "Path 2, seed 4, played back in a larger number of smaller steps"
+    assert rows[3]["how"] == "Path 2, seed 4, folded in a larger number of smaller steps"

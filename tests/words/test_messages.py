@@ -77,8 +77,8 @@ REASONS = (
         Reason.of(Code.TOUCH, motion="simulated playback", robot=2, modules=None, frame=0.0),
         "in the simulated playback of robot 2, modules touch (frame 0 of the simulated playback "
         "of robot 2)",
-        "in the simulated playback of robot 3, modules touch (frame 1 of the simulated playback "
-        "of robot 3)",
+        "in the simulated folding motion of robot 3, modules touch (frame 1 of the simulated "
+        "folding motion of robot 3)",
     ),
     (
         Reason.of(Code.STRAIGHT_ERROR, error=0.2),
@@ -109,7 +109,7 @@ REASONS = (
     (
         Reason.of(Code.EXPLOSION_FAILED, status="stalled"),
         "the explosion stalled",
-        "the explosion stalled",
+        "the unfolding stalled",
     ),
 )
 """Reasons, and their texts for programs and for people."""

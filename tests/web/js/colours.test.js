@@ -6,7 +6,6 @@ import {
   colouringsOf,
   isOffered,
   ramped,
-  roundUp,
   usualColouring,
 } from "../../../web/static/js/player/colours.js";
 import {
@@ -16,6 +15,7 @@ import {
   unpacked,
   valuesAt,
 } from "../../../web/static/js/module_values/reading.js";
+import { largestError } from "../../../web/static/js/player/player_state.js";
 import { close, recorded, unpack, vectors } from "./vectors.js";
 
 // Figures with the same values for every frame.
@@ -37,12 +37,6 @@ test("colours of a ramp are the same as in Python", async () => {
     header.colours.unknown,
   );
   assert.deepEqual([...colours], errors);
-});
-
-test("colour scales end at the same values as in Python", () => {
-  for (const [value, scale] of vectors.colours.scales)
-    close([roundUp(value)], [scale], { rtol: 1e-9 });
-  assert.equal(roundUp(0), 1);
 });
 
 test("every colouring has a scale in numbers", async () => {
@@ -84,22 +78,37 @@ test("every colouring has a scale in numbers", async () => {
   assert.deepEqual([...coloursOf.clearance.subarray(9, 12)], timeline.bundle.header.colours.error);
 });
 
-test("what is not measured yet is grey", async () => {
+test("a moment without any value shows the positions in the chain, and says why", async () => {
   const { timeline } = await recorded();
   const nothing = { row: () => null, largest: () => 0 };
-  const { unknown } = timeline.bundle.header.colours;
-  for (const key of ["position", "torque", "clearance"]) {
-    const colours = colouringFor(key, timeline, nothing).of(timeline.snapshot(0));
-    assert.deepEqual([...colours.subarray(0, 3)], unknown, key);
+  const [first, last] = [timeline.snapshot(0), timeline.snapshot(timeline.last)];
+  const chain = colouringFor("chain", timeline, nothing);
+  for (const key of ["error", "position", "torque", "clearance"]) {
+    const colouring = colouringFor(key, timeline, nothing);
+    assert.deepEqual(colouring.of(first), chain.of(first), key);
+    const { none, missing, ...legend } = colouring.legend();
+    const { low, high, ramp } = chain.legend();
+    assert.deepEqual([missing, legend], ["all", { low, high, ramp }], key);
+    assert.match(none, key === "error" ? /^Joint error exists only while folding$/ : /./);
   }
-  assert.equal(
-    colouringFor("clearance", timeline, nothing).legend().none,
-    "no data for this frame",
-  );
-  assert.equal(
-    colouringFor("position", timeline, nothing).legend().none,
-    "only known while folding",
-  );
+  // While the chain folds, the errors are known, and the scale ends at their peak.
+  const error = colouringFor("error", timeline, nothing);
+  assert.notDeepEqual(error.of(last), chain.of(last));
+  assert.deepEqual([error.missing, error.legend().none], ["none", null]);
+  const errors = Array.from({ length: timeline.last + 1 }, (_, k) => largestError(timeline.row(k)));
+  close([timeline.errorScale], [Math.max(...errors)], { rtol: 0.01 }); // as precise as they travel
+  assert.equal(error.legend().high, radians(timeline.errorScale));
+});
+
+test("modules without a value are grey if others have one", async () => {
+  const { timeline } = await recorded();
+  const modules = timeline.chain.modules;
+  const values = Float32Array.from({ length: modules }, (_, i) => (i ? 1 : NaN));
+  const figures = { row: () => ({ clearance: values }), largest: () => 1 };
+  const colouring = colouringFor("clearance", timeline, figures);
+  const colours = colouring.of(timeline.snapshot(0));
+  assert.deepEqual([...colours.subarray(0, 3)], timeline.bundle.header.colours.unknown);
+  assert.equal(colouring.legend().none, "no data for this frame");
 });
 
 test("only colourings with values of single modules are offered", async () => {
@@ -234,7 +243,7 @@ test("modules with colours of their own show them in turn", async () => {
   const { timeline } = await recorded();
   const { header } = timeline.bundle;
   assert.equal(usualColouring("chain", header), "chain");
-  assert.equal(colouringFor("module", timeline, null).key, "module");
+  assert.equal(colouringFor("module", timeline, null).key, "chain");
   const usual = colouringFor("chain", timeline, null).of(timeline.snapshot(0));
   assert.deepEqual(colouringFor("module", timeline, null).of(timeline.snapshot(0)), usual);
   const own = [

@@ -3,7 +3,7 @@
 export const STAGES = {
   read: "Reading the input",
   explode: "Unfolding",
-  play_back: "Playing back",
+  play_back: "Folding",
   certify: "Checking clearance",
   export: "Writing the files",
 };

@@ -97,6 +97,13 @@ const scale = () => {
   showScale(colouring, timeline);
 };
 pair.on("outline", scale);
+let missing = "none"; // modules without a value, as the legend says
+sides[0].player.on("drawn", () => {
+  const { colouring } = sides[0].player;
+  if (!colouring || colouring.missing === missing) return;
+  ({ missing } = colouring);
+  scale();
+});
 const through = pathButton(sides.map(({ stage }) => stage));
 const place = new Place(
   {

@@ -7,7 +7,7 @@ import { element, later, radians, seconds } from "../lib/text.js";
 const SPEED = 1.2;
 // All folds of the paper are made by explosions.
 /** @type {Record<string, string>} */
-const LABELS = { ...PHASES, explosion: "Explosion" };
+const LABELS = { ...PHASES, explosion: "Explosion", playback: "Playback" };
 const sight = later(
   () => import("../viewer/viewpoint.js"),
   () => {},

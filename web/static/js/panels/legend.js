@@ -23,6 +23,7 @@ export class Legend {
     this.menu = get("colour-by");
     /** @type {string | null} */
     this.pendingKey = null; // colouring in the address or of a tour whose data are not loaded yet
+    this.missing = "none"; // modules without a value, as the legend says
     // True once a colouring was asked for or chosen, so that the stored one no longer counts.
     this.decided = false;
     this.fill();
@@ -43,6 +44,9 @@ export class Legend {
     });
     player.on("outline", () => this.show());
     player.on("colouring", () => this.show());
+    player.on("drawn", () => {
+      if (player.colouring && player.colouring.missing !== this.missing) this.show();
+    });
     figures.on("begun", () => {
       this.fill();
       if (player.timeline.chain) this.resume();
@@ -113,6 +117,7 @@ export class Legend {
     const { colouring, timeline } = this.player;
     if (!colouring || !timeline.outline) return;
     this.menu.value = colouring.key;
+    this.missing = colouring.missing;
     showScale(colouring, timeline);
   }
 }

@@ -3,7 +3,8 @@
 import { newtonMetres, number, pitches, radians, si } from "../lib/text.js";
 
 const SAMPLES = 48; // frames that determine the end of a scale
-const WHILE_FOLDING = "only known while folding";
+/** @param {string} label */
+const whileFolding = (label) => `${label} exists only while folding`;
 const NEAR = 0.5; // pitches; larger clearances all have the same colour
 
 // Available colourings, in menu order.
@@ -84,14 +85,6 @@ export function ramped(shares, ramp, unknown) {
   return colours;
 }
 
-// Return the end of a scale: the value rounded up to 1, 2 or 5 times a power of ten.
-/** @param {number} value */
-export function roundUp(value) {
-  if (!(value > 0)) return 1;
-  const power = 10 ** Math.floor(Math.log10(value));
-  return ([1, 2, 5].find((factor) => value <= factor * power * (1 + 1e-9)) ?? 10) * power;
-}
-
 const largest = (/** @type {Floats} */ values) =>
   Array.from(values).reduce((max, v) => (v > max ? v : max), 0);
 
@@ -103,8 +96,14 @@ const largest = (/** @type {Floats} */ values) =>
  * @property {number} [low]
  * @property {"ramp_even" | "ramp_error"} [ramp]
  * @property {(value: number) => string} text
- * @property {string | null} [none] meaning of grey
+ * @property {string | null} [none] meaning of missing values
  * @property {(value: number) => boolean} [bad] true for values in the colour of errors
+ */
+
+/**
+ * A scale as the legend shows it.
+ * @typedef {{ low: string, high: string, ramp: string, missing: "none" | "some" | "all",
+ *   none: string | null }} LegendShown
  */
 
 /** @typedef {Pick<import("./figures.js").Figures, "row" | "largest" | "plots">} Measured */
@@ -120,6 +119,11 @@ export const isOffered = (key, timeline, figures) =>
   (figures.offers(MEASURED[key]) && !(timeline.windowed && WHOLE_CHAIN.has(key)));
 
 export class Colouring {
+  // How many modules had no value at the moment of the last call of `of`: "none", "some" or "all".
+  // If no module has one, the colours show the positions in the chain; single ones are grey.
+  /** @type {"none" | "some" | "all"} */
+  missing = "none";
+
   // `scale.values` returns one value of each module at
   // a moment; `scale.high` is the end of the scale.
   /**
@@ -147,7 +151,10 @@ export class Colouring {
     return typeof high === "function" ? high() : high;
   }
 
-  /** @param {Snapshot} snapshot */
+  /**
+   * @param {Snapshot} snapshot
+   * @returns {Uint8Array}
+   */
   of(snapshot) {
     const { header, arrays } = this.timeline.bundle;
     const {
@@ -155,6 +162,9 @@ export class Colouring {
       scale: { low, ramp, bad },
     } = this;
     const values = this.scale.values(snapshot);
+    const unknown = Array.from(values).filter(Number.isNaN).length;
+    this.missing = !unknown ? "none" : unknown < values.length ? "some" : "all";
+    if (this.missing === "all") return usualOf(this.timeline).of(snapshot);
     const colours = ramped(
       values.map((v) => (v - low) / (high - low || 1)),
       arrays[ramp],
@@ -166,8 +176,12 @@ export class Colouring {
     return colours;
   }
 
+  /** @returns {LegendShown} */
   legend() {
-    const { low, text, none } = this.scale;
+    const { low, text } = this.scale;
+    const { missing } = this;
+    const none = missing === "none" ? null : this.scale.none;
+    if (missing === "all") return { ...usualOf(this.timeline).legend(), missing, none };
     const ramp = this.timeline.bundle.arrays[this.scale.ramp];
     const last = ramp.length / 3 - 1;
     const stops = Array.from({ length: 9 }, (_, k) =>
@@ -176,6 +190,7 @@ export class Colouring {
     return {
       low: text(low),
       high: text(this.high),
+      missing,
       none,
       ramp: `linear-gradient(to right, ${stops.map((stop) => `rgb(${stop})`).join(", ")})`,
     };
@@ -202,13 +217,38 @@ class OwnColours extends Colouring {
     return {
       low: "",
       high: "",
+      missing: this.missing,
       none: null,
       ramp: `linear-gradient(to right, ${bands.join(", ")})`,
     };
   }
 }
 
-// Return the end of a scale that fits all loaded frames of the timeline.
+// Return the colouring by the position in the chain, which has a value at every moment.
+/** @param {import("./timeline.js").Timeline} timeline */
+const byChain = (timeline) =>
+  new Colouring(USUAL_COLOURING, timeline, {
+    values: () => Float32Array.from({ length: timeline.chain.modules }, (_, i) => i),
+    text: (v) => `Module ${Math.round(v) + 1}`,
+    high: timeline.chain.modules - 1,
+    none: null,
+  });
+
+// Return the colouring by the modules' own colours; by the position in the chain if they have none.
+/**
+ * @param {import("./timeline.js").Timeline} timeline
+ * @returns {Colouring}
+ */
+const usualOf = (timeline) =>
+  timeline.bundle.header.own_colours.length
+    ? new OwnColours("module", timeline, {
+        values: () => new Float32Array(timeline.chain.modules),
+        text: () => "",
+        high: 1,
+      })
+    : byChain(timeline);
+
+// Return the largest value in the loaded frames of the timeline, at which a scale ends.
 /**
  * @param {import("./timeline.js").Timeline} timeline
  * @param {(shown: Snapshot) => Floats} values
@@ -220,7 +260,7 @@ function scaled(timeline, values) {
     const snapshot = frame === null ? null : timeline.peek(frame);
     if (snapshot) max = Math.max(max, largest(values(snapshot)));
   }
-  return roundUp(max);
+  return max || 1;
 }
 
 /**
@@ -266,11 +306,11 @@ export function colouringFor(key, timeline, figures) {
       per(errors, radians, {
         high: () => timeline.errorScale,
         ramp: "ramp_error",
-        none: WHILE_FOLDING,
+        none: whileFolding("Joint error"),
       }),
     "error-even": () =>
-      per(errors, radians, { high: () => timeline.errorScale, none: WHILE_FOLDING }),
-    position: () => measured("position_error", pitches, { none: WHILE_FOLDING }),
+      per(errors, radians, { high: () => timeline.errorScale, none: whileFolding("Joint error") }),
+    position: () => measured("position_error", pitches, { none: whileFolding("Position error") }),
     speed: () =>
       per(
         (snapshot) => timeline.perModule(timeline.speeds(snapshot.frame)),
@@ -286,20 +326,8 @@ export function colouringFor(key, timeline, figures) {
         none: "not computed for this frame",
       }),
     clearance: () => measured("clearance", pitches, { high: NEAR, bad: (v) => v < 0 }),
-    chain: () =>
-      per(
-        () => Float32Array.from({ length: chain.modules }, (_, i) => i),
-        (v) => `Module ${Math.round(v) + 1}`,
-        { high: chain.modules - 1, none: null },
-      ),
-    module: () =>
-      timeline.bundle.header.own_colours.length
-        ? new OwnColours(key, timeline, {
-            values: () => new Float32Array(chain.modules),
-            text: () => "",
-            high: 1,
-          })
-        : makers[USUAL_COLOURING](),
+    chain: () => byChain(timeline),
+    module: () => usualOf(timeline),
   };
   const selected = (makers[key] ?? makers[USUAL_COLOURING])();
   selected.figures = figures ?? null;

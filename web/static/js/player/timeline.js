@@ -5,7 +5,7 @@ import { FrameStore, Rows, angleIn, between, differing } from "./frames.js";
 import { Kinematics, Standing, foldedness, touching } from "./kinematics.js";
 
 /** @type {Record<string, string>} */
-export const PHASES = { explosion: "Unfolding", unfolding: "Unfolding", playback: "Playback" };
+export const PHASES = { explosion: "Unfolding", unfolding: "Unfolding", playback: "Folding" };
 
 const AT_ONCE = 2; // concurrent requests
 const COARSE = 64; // frames to fetch first, spread over the whole timeline

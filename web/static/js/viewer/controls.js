@@ -94,7 +94,7 @@ export function pathButton(stages) {
  * @param {import("../player/timeline.js").Timeline} timeline
  */
 export function showScale(colouring, timeline) {
-  const { low, high, ramp, none } = colouring.legend();
+  const { low, high, ramp, missing, none } = colouring.legend();
   get("legend").hidden = false;
   get("legend").style.setProperty(
     "--unknown",
@@ -104,6 +104,7 @@ export function showScale(colouring, timeline) {
   get("legend-high").textContent = high;
   get("legend-ramp").style.background = ramp;
   get("legend-none").hidden = !none;
+  get("legend-none").dataset.missing = missing;
   const meaning = get("legend-none").lastElementChild;
   if (meaning) meaning.textContent = none;
 }
