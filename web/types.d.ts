@@ -544,6 +544,8 @@ interface Elements {
   follow: HTMLButtonElement;
   forward: HTMLButtonElement;
   frame: HTMLInputElement;
+  "hero-folded": HTMLInputElement;
+  "hero-pause": HTMLButtonElement;
   higher: HTMLButtonElement;
   jump: HTMLSelectElement;
   key: HTMLInputElement;

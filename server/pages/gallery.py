@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+from functools import cache
+from typing import Final
 
 from fastapi import APIRouter, Depends, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
@@ -13,6 +15,7 @@ from foldback.planner.pipeline.request import FoldRequest
 from foldback.server.api.folds import post_fold
 from foldback.server.context import context_of, in_list_rate
 from foldback.server.errors import ServiceError, refusal_of
+from foldback.server.http.downloads import Asset
 from foldback.server.http.problems import Problem
 from foldback.server.http.security import INDEXED_HEADERS
 from foldback.server.pages.cards import (
@@ -23,7 +26,7 @@ from foldback.server.pages.cards import (
     kinds,
     shipped_folds,
 )
-from foldback.server.pages.page import drawing, origin_of, page
+from foldback.server.pages.page import not_found, origin_of, page
 from foldback.server.pages.problem_page import not_found_page
 from foldback.server.store.owner import Claim
 from foldback.server.submission.fold_inputs import Origin
@@ -37,6 +40,13 @@ from foldback.words.gallery import (
 )
 
 router = APIRouter(include_in_schema=False)
+
+DRAWING_HEADERS: Final = {
+    "Cache-Control": "public, max-age=3600",
+    "Content-Security-Policy": "default-src 'none'",
+    **INDEXED_HEADERS,
+}
+"""Headers of drawings of the example shapes, in which no script can run."""
 
 
 @router.get("/gallery", response_class=HTMLResponse, dependencies=[Depends(in_list_rate)])
@@ -70,14 +80,18 @@ async def gallery_page(request: Request) -> Response:
 
 
 @router.get("/shapes/{name}.svg")
-async def drawing_of_shape(name: str) -> Response:
+async def drawing_of_shape(request: Request, name: str) -> Response:
     """Return the drawing of an example shape."""
     pictures = await asyncio.to_thread(shipped_pictures)
-    svg = pictures.get(f"{name}-160.svg", b"").decode()
-    answer = drawing(svg, "public, max-age=3600")
-    if svg:
-        answer.headers.update(INDEXED_HEADERS)
-    return answer
+    file_name = f"{name}-160.svg"
+    if file_name not in pictures:
+        return not_found()
+    return _compressed(file_name).response(request, DRAWING_HEADERS)
+
+
+@cache
+def _compressed(file_name: str) -> Asset:
+    return Asset.of(shipped_pictures()[file_name], "image/svg+xml")
 
 
 @router.post("/gallery/{name}", response_class=HTMLResponse)

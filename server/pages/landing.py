@@ -11,7 +11,7 @@ from fastapi.responses import HTMLResponse, Response
 
 from foldback.server.context import context_of, in_list_rate
 from foldback.server.errors import READ_ONLY_WORDS
-from foldback.server.http.downloads import BINARY_MEDIA_TYPE, revalidated
+from foldback.server.http.downloads import BINARY_MEDIA_TYPE, Asset, revalidated
 from foldback.server.pages.cards import selected
 from foldback.server.pages.page import origin_of, page
 from foldback.server.pages.pictures import picture_answer
@@ -48,7 +48,7 @@ async def landing(request: Request) -> Response:
 @router.get("/featured/bundle")
 async def featured_bundle(request: Request) -> Response:
     """Return the metadata of the chain on the landing page."""
-    return revalidated(request, shipped_pictures()["featured.bundle"], BINARY_MEDIA_TYPE)
+    return (await asyncio.to_thread(_bundle)).response(request)
 
 
 @router.get("/featured/picture.png")
@@ -61,6 +61,11 @@ async def featured_picture() -> Response:
 async def featured_batch(request: Request) -> Response:
     """Return the recorded fold of the landing page (see ``examples/make_featured.py``)."""
     return revalidated(request, await asyncio.to_thread(_recorded), BINARY_MEDIA_TYPE)
+
+
+@cache
+def _bundle() -> Asset:
+    return Asset.of(shipped_pictures()["featured.bundle"], BINARY_MEDIA_TYPE)
 
 
 @cache
