@@ -32,6 +32,8 @@ CONFIGURATION: Final = {
     "distributed.admin.tick.interval": "1 s",
     "distributed.admin.system-monitor.interval": "5 s",
     "distributed.scheduler.active-memory-manager.start": False,
+    # Messages that Dask keeps for developers, 1000 of each connection. They contain the shapes.
+    "distributed.admin.low-level-log-length": 10,
 }
 """Configuration of Dask where foldback starts it."""
 CONNECT_TIMEOUT: Final = "30 s"
@@ -116,6 +118,8 @@ def _finish(future: Future[Any], task: DaskFuture[Any]) -> None:
                 future.set_result(task.result())
         except (CancelledError, OSError):  # the scheduler has ended, before or while it answered
             future.cancel()
+    # Both futures refer to each other, and the collector of garbage frees them late.
+    task.release()
 
 
 def is_unwanted() -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +18,18 @@ ROWS_DIR: Final = "rows"
 """Name of the directory, in that of a sweep, with the files of its rows."""
 LOCK: Final = ".lock"
 """Name of the file, in the directory of a sweep, that the command locks while it writes rows."""
+
+
+def with_shared_texts(row: Row) -> Row:
+    """Return a row whose texts are one object with equal texts of other rows.
+
+    Most texts of a sweep's rows are the same. 100 000 rows take 120 MB so, and 350 MB as Dask
+    returns them.
+    """
+    return {
+        sys.intern(name): sys.intern(value) if isinstance(value, str) else value
+        for name, value in row.items()
+    }
 
 
 class Rows:
@@ -55,7 +68,7 @@ class Rows:
                         where=str(path),
                     ) from error
                 rows.pop(key, None)
-                rows[key] = row
+                rows[key] = with_shared_texts(row)
         return rows
 
     @contextmanager
