@@ -19,7 +19,7 @@ from foldback.planner.pipeline.expected_cost import expected_cost
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.sweeps.case import Case, Limits, Row, Value
 from foldback.planner.sweeps.fold_task import FoldTask
-from foldback.planner.sweeps.shapes import ShapeSource
+from foldback.planner.sweeps.shapes import ShapeSource, find_shapes
 from foldback.planner.sweeps.spec import REQUEST_FIELDS, SweepSpec, Values, seeds_of
 
 PLANS_DIR: Final = "plans"
@@ -163,10 +163,10 @@ def _series_of(spec: SweepSpec) -> Iterator[FoldSeries]:
     varying = [name for name in REQUEST_FIELDS if name in stated]
     cost = cache(expected_cost)
     for group, shapes in spec.shapes.items():
-        for shape in spec.find_shapes(group):
+        for shape in find_shapes(shapes.files, Path(spec.base)):
             digest, modules = shape.digest_and_modules()
             for name, method in spec.methods.items():
-                if not (shapes.folds(shape) and method.folds(shape)):
+                if not (shapes.folds(shape.name) and method.folds(shape.name)):
                     continue
                 seeds = next(
                     value for value in (method.seeds, shapes.seeds, spec.seeds) if value is not None

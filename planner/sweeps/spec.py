@@ -5,20 +5,20 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Collection, Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import replace
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any, Final, Literal, TypeVar
+from typing import Any, Final, Literal
+
+import msgspec
 
 from foldback.planner.errors import InputError
 from foldback.planner.parameters.option import options_of
 from foldback.planner.pipeline.request import MAX_SEED, FoldRequest
-from foldback.planner.storage.plain_values import from_plain
+from foldback.planner.storage.plain_values import from_plain, to_plain
 from foldback.planner.sweeps.case import Limits
-from foldback.planner.sweeps.shapes import ShapeSource, find_shapes
 
-T = TypeVar("T")
 Values = dict[str, Any]
 """Values as TOML has them."""
 Seeds = int | str | list[int]
@@ -33,8 +33,11 @@ MEMORY_UNITS: Final = {"": 1, "k": 1000, "M": 1000**2, "G": 1000**3, "T": 1000**
 """Bytes of the units of memory, by their prefixes."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Budget:
+class Table(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Table of a spec, which is written without the keys that it leaves out."""
+
+
+class Budget(Table, frozen=True):
     """Limits of one fold, as a spec states them; None for those of the whole sweep.
 
     Attributes:
@@ -47,50 +50,35 @@ class Budget:
     memory: str | int | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class Part(Table, frozen=True):
     """A method, or a group of shapes: what its folds have in common.
 
     Attributes:
         seeds: Its own seeds; None for those of the sweep.
         only: Globs of the names of the shapes that a method folds.
         budget: Its own limits.
-        files: Shapes of a group.
-        request: Fields of the request.
+        files: Shapes of a group: patterns, or pairs of a name and bytes.
+        request: Fields of the request. In a spec, they stand in the table of the part itself.
     """
 
     seeds: Seeds | None = None
-    only: list[str] = field(default_factory=lambda: ["*"])
+    only: list[str] | None = None
     budget: Budget = Budget()
-    files: str | list[Any] = field(default_factory=list[Any])
-    request: Values = field(default_factory=Values)
+    files: list[Any] = msgspec.field(default_factory=list[Any])
+    request: Values = msgspec.field(default_factory=dict[str, Any])
 
-    def as_dict(self) -> Values:
-        """Return its table: the keys that differ from the default."""
-        values = {name: getattr(self, name) for name in _names(Part) if name != "request"}
-        files = [file if isinstance(file, str) else file[0] for file in self.files]
-        values |= {"budget": asdict(self.budget), "files": files}
-        plain = Part()
-        return self.request | {
-            name: value
-            for name, value in values.items()
-            if getattr(self, name) != getattr(plain, name)
-        }
-
-    def folds(self, shape: ShapeSource) -> bool:
-        """Return True if it folds a shape."""
-        return any(fnmatchcase(shape.name, pattern) for pattern in self.only)
+    def folds(self, shape: str) -> bool:
+        """Return True if it folds the shape of a name."""
+        return self.only is None or any(fnmatchcase(shape, pattern) for pattern in self.only)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Keep:
+class Keep(Table, frozen=True):
     """Folds whose plans are kept."""
 
     plans: Literal["none", "failed", "all"] = "none"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MapAxes:
+class MapAxes(Table, frozen=True):
     """Columns of the table by which the map arranges folds; None for those that suit the shapes.
 
     Attributes:
@@ -103,11 +91,11 @@ class MapAxes:
     by: str = "method"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SweepSpec:
+class SweepSpec(Table, frozen=True):
     """Specification of a sweep; see docs/sweeps.md.
 
     Attributes:
+        base: Directory to which files are relative.
         shapes: Groups of shapes by name; one without a name if they are a list.
         seeds: Seeds of all folds: a number, a list, ``0-4``, or ``name``.
         until: ``verified`` if a later seed is tried only while no earlier one is verified.
@@ -116,18 +104,17 @@ class SweepSpec:
         grid: Values of fields of the request; their product is folded.
         keep: Folds whose plans are kept.
         map: Axes of the map.
-        base: Directory to which files are relative.
     """
 
+    base: str
     shapes: dict[str, Part]
     seeds: Seeds = 0
     until: Literal["verified"] | None = None
     budget: Budget = Budget()
-    methods: dict[str, Part] = field(default_factory=lambda: {"auto": Part()})
-    grid: dict[str, list[Any]] = field(default_factory=dict[str, list[Any]])
+    methods: dict[str, Part] = msgspec.field(default_factory=lambda: {"auto": Part()})
+    grid: dict[str, list[Any]] = msgspec.field(default_factory=dict[str, list[Any]])
     keep: Keep = Keep()
     map: MapAxes = MapAxes()
-    base: str
 
     @classmethod
     def of(cls, values: Mapping[str, Any], base: Path) -> SweepSpec:
@@ -135,24 +122,35 @@ class SweepSpec:
 
         Args:
             values: Keys of the document; shapes may also be pairs of a name and bytes.
-            base: Directory to which files are relative.
+            base: Directory to which files are relative, unless the values state it.
 
         Raises:
             InputError: ``bad-spec``, naming the key.
         """
-        _check_keys("spec", values, [name for name in _names(cls) if name != "base"])
-        _check_keys("grid", values.get("grid", {}), REQUEST_FIELDS)
-        for name, kind in (("budget", Budget), ("keep", Keep), ("map", MapAxes)):
-            _check_keys(name, values.get(name, {}), _names(kind))
+        _check_keys("spec", values, cls.__struct_fields__)
+        _check_keys("grid", values.get("grid"), REQUEST_FIELDS)
+        for name, table in (("budget", Budget), ("keep", Keep), ("map", MapAxes)):
+            _check_keys(name, values.get(name), table.__struct_fields__)
         shapes = values.get("shapes", [])
-        groups = shapes if isinstance(shapes, Mapping) else {"": shapes}
         parts = {
-            name: {key: _part(f"{name}.{key}".strip("."), part) for key, part in tables.items()}
-            for name, tables in (("shapes", groups), ("methods", values.get("methods", {})))
-            if tables
+            "shapes": shapes if isinstance(shapes, Mapping) else {"": shapes},
+            "methods": values.get("methods") or {"auto": {}},
         }
-        seeds = values.get("seeds", 0)
-        spec = _convert({**values, "seeds": _seeds_text(seeds), **parts, "base": str(base)}, cls)
+        plain = {"base": str(base), **values, "seeds": _seeds_text(values.get("seeds", 0))}
+        for name, tables in parts.items():
+            plain[name] = {
+                key: _part(f"{name}.{key}".strip("."), table) for key, table in tables.items()
+            }
+        try:
+            spec = from_plain(plain, cls)
+        except ValueError as error:
+            raise InputError(
+                "bad-spec", f"got a spec that cannot be used: {error}; correct the value."
+            ) from error
+        for name, group in spec.shapes.items():
+            if not group.files:
+                place = f"shapes.{name}".strip(".")
+                raise InputError("no-shape", f"got no {place}, expected files, globs or examples.")
         for part in (*spec.shapes.values(), *spec.methods.values()):
             spec.limits(part)
         return spec
@@ -170,21 +168,20 @@ class SweepSpec:
             raise InputError(
                 "bad-spec", f"got no TOML ({error}), expected a spec of a sweep.", where=str(path)
             ) from error
-        base = values.pop("base", path.parent.resolve())
-        return cls.of(values, Path(base))
+        return cls.of(values, path.parent.resolve())
 
     def as_dict(self) -> Values:
-        """Return the values for ``of``, with the base, as TOML has them: without None."""
-        values = {name: getattr(self, name) for name in _names(SweepSpec)}
-        for name, parts in (("shapes", self.shapes), ("methods", self.methods)):
-            values[name] = {key: part.as_dict() for key, part in parts.items()}
-        for name in ("budget", "keep", "map"):
-            values[name] = asdict(values[name])
+        """Return the values for ``of``, as TOML has them: names of shapes without their bytes."""
+        values = msgspec.to_builtins(self, builtin_types=(bytes,))
+        for name in ("shapes", "methods"):
+            values[name] = {
+                key: part | part.pop("request", {}) for key, part in values[name].items()
+            }
+        for group in values["shapes"].values():
+            group["files"] = [file if isinstance(file, str) else file[0] for file in group["files"]]
         if list(self.shapes) == [""]:
             values["shapes"] = values["shapes"][""]["files"]
-        return {
-            name: _without_none(value) for name, value in values.items() if value not in ({}, None)
-        }
+        return values
 
     def map_axes(self) -> tuple[str, str, str]:
         """Return the columns of the table for the map's fields, rows and columns."""
@@ -192,29 +189,15 @@ class SweepSpec:
         rows = self.map.rows or ("group" if groups else "shape")
         return self.map.by, rows, self.map.columns or ("modules" if groups else "seed")
 
-    def find_shapes(self, group: str) -> tuple[ShapeSource, ...]:
-        """Return the shapes of a group.
-
-        Raises:
-            InputError: ``no-shape``.
-        """
-        files = self.shapes[group].files
-        if not files:
-            place = f"shapes.{group}".strip(".")
-            raise InputError("no-shape", f"got no {place}, expected files, globs or examples.")
-        return find_shapes([files] if isinstance(files, str) else files, Path(self.base))
-
     def limits(self, *parts: Part) -> Limits:
         """Return the limits of the folds of parts; those of later parts come first."""
-        values = asdict(Limits())
-        for budget in (self.budget, *(part.budget for part in parts)):
-            stated = {name: value for name, value in asdict(budget).items() if value is not None}
-            if (memory := stated.pop("memory", None)) is not None:
-                stated["memory_bytes"] = bytes_of(memory)
-            values |= stated
-        if not all(0 < value < float("inf") for value in values.values()):
-            raise InputError("bad-spec", f"got the budget {values}, expected more than 0 of each.")
-        return Limits(**values)
+        budgets = (self.budget, *(part.budget for part in parts))
+        stated = {name: value for budget in budgets for name, value in to_plain(budget).items()}
+        if "memory" in stated:
+            stated["memory_bytes"] = bytes_of(stated.pop("memory"))
+        if not all(0 < value < float("inf") for value in stated.values()):
+            raise InputError("bad-spec", f"got the budget {stated}, expected more than 0 of each.")
+        return replace(Limits(), **stated)
 
 
 def seeds_of(value: Seeds, shape: str) -> tuple[int, ...]:
@@ -254,27 +237,22 @@ def _part(place: str, table: Any) -> Values:
     """Return a part's table as its class has it; a list or glob is the files of a group."""
     if not isinstance(table, Mapping):
         table = {"files": table}
-    own = [name for name in _names(Part) if name != "request"]
+    own = [name for name in Part.__struct_fields__ if name != "request"]
     _check_keys(place, table, (*own, *REQUEST_FIELDS))
-    _check_keys(f"{place}.budget", table.get("budget", {}), _names(Budget))
+    _check_keys(f"{place}.budget", table.get("budget"), Budget.__struct_fields__)
     values = {name: table[name] for name in own if name in table}
-    values["request"] = {name: table[name] for name in REQUEST_FIELDS if name in table}
     for name in ("only", "files"):
         if isinstance(values.get(name), str):
             values[name] = [values[name]]
     if "seeds" in values:
         values["seeds"] = _seeds_text(values["seeds"])
-    return values
+    return values | {"request": {name: table[name] for name in REQUEST_FIELDS if name in table}}
 
 
 def _seeds_text(seeds: Any) -> Any:
     """Return a range of seeds, which only a program can give, as a text; others as they are."""
     is_range = isinstance(seeds, range) and seeds and seeds.step == 1
     return f"{seeds.start}-{seeds.stop - 1}" if is_range else seeds
-
-
-def _names(kind: type[Any]) -> list[str]:
-    return [entry.name for entry in fields(kind)]
 
 
 def _check_keys(place: str, values: Any, known: Collection[str]) -> None:
@@ -286,19 +264,3 @@ def _check_keys(place: str, values: Any, known: Collection[str]) -> None:
             raise InputError(
                 "bad-spec", f"{place}: got the unknown key {name!r}, expected {expected}."
             )
-
-
-def _convert(values: Values, kind: type[T]) -> T:
-    try:
-        return from_plain(values, kind)
-    except ValueError as error:
-        raise InputError(
-            "bad-spec", f"got a spec that cannot be used: {error}; correct the value."
-        ) from error
-
-
-def _without_none(value: Any) -> Any:
-    """Return plain values without those that are None, which TOML lacks."""
-    if isinstance(value, dict):
-        return {key: _without_none(entry) for key, entry in value.items() if entry is not None}
-    return value

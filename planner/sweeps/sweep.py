@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any, Final
 from foldback.planner.cpu_cores import cores
 from foldback.planner.errors import InputError
 from foldback.planner.storage.files import write_whole
+from foldback.planner.storage.plain_values import to_plain
 from foldback.planner.sweeps.case import Row
 from foldback.planner.sweeps.cases import SweepCases
 from foldback.planner.sweeps.executors import Place, executor_on
 from foldback.planner.sweeps.map import MAP_PERIOD_S, write_map
-from foldback.planner.sweeps.rows import Rows
+from foldback.planner.sweeps.rows import Rows, with_shared_texts
 from foldback.planner.sweeps.run import CASES_PER_WORKER, run_cases
 from foldback.planner.sweeps.spec import SweepSpec
 from foldback.planner.sweeps.table import PARQUET, is_outdated, write_tables
@@ -152,7 +153,7 @@ class Sweep:
                 next_case=lambda case, row: cases.after(case, row, settled),
             ):
                 state.rows.pop(str(row["key"]), None)
-                state.rows[str(row["key"])] = row
+                state.rows[str(row["key"])] = with_shared_texts(row)
                 left -= 1
                 if time.monotonic() - drawn_s > MAP_PERIOD_S:
                     write_map(directory, self.spec, state.rows, left, is_running=True)
@@ -186,11 +187,16 @@ def check_spec(spec: SweepSpec, directory: Path) -> None:
     path = directory / SPEC_FILE
     if not path.exists():
         return
-    values, stored = spec.as_dict(), SweepSpec.from_toml(path).as_dict()
+    values, stored = SweepSpec.of(spec.as_dict(), Path()), SweepSpec.from_toml(path)
+    pairs = [
+        (name, getattr(stored, name), getattr(values, name))
+        for name in SweepSpec.__struct_fields__
+        if name != "map"
+    ]
     different = [
-        f"{name} is {stored.get(name)!r} there and {values.get(name)!r} here"
-        for name in dict.fromkeys((*values, *stored))
-        if name != "map" and stored.get(name) != values.get(name)
+        f"{name} is {to_plain(there)!r} there and {to_plain(here)!r} here"
+        for name, there, here in pairs
+        if there != here
     ]
     if different:
         raise InputError(

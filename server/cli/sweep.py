@@ -8,13 +8,13 @@ import time
 from collections import Counter
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
+from msgspec import structs
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
@@ -177,7 +177,7 @@ def _with_axes(spec: SweepSpec, text: str) -> SweepSpec:
         raise InputError(
             "bad-map", f"got --map {min(unknown)!r}, expected rows=…, columns=… or by=…."
         )
-    return replace(spec, map=replace(spec.map, **axes))
+    return structs.replace(spec, map=structs.replace(spec.map, **axes))
 
 
 def _check_packages() -> None:
