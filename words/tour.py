@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final, Literal, NamedTuple
 
 from foldback.planner.certificate.figures import CertificateFigures
@@ -20,6 +21,7 @@ LINKS: Final = ("none", "one", "two", "three", "four")
 
 StopKind = Literal[
     "start",
+    "unfolding",
     "first-shape",
     "straight",
     "step",
@@ -93,12 +95,22 @@ def _start(row: ShownFold, moments: Moments) -> list[DraftStop]:
     chain = row.counted + (f" in a row, with {joints} joints" if joints else "")
     straight = f"The chain is straight: {chain}. Now it folds."
     if not (refold := row.summary.get("refold")):
-        return [DraftStop("straight", _stop(straight, moments.straight))]
+        stops = [DraftStop("straight", _stop(straight, moments.straight))]
+        return [DraftStop("unfolding", _unfolding(moments)), *stops] if moments.plan else stops
     text = f"First, the chain has another shape: {shown_name(refold['start'])}. It unfolds."
     stops = [DraftStop("first-shape", _stop(text, moments.plan))]
     if moments.straight != moments.plan:  # the frame at which it is straight is known
         stops.append(DraftStop("straight", _stop(straight, moments.straight)))
     return stops
+
+
+def _unfolding(moments: Moments) -> Stop:
+    """Return the stop that plays the search for a motion, from folded to straight."""
+    text = (
+        "This is the finished shape. foldback looks for a motion that unfolds it. Played "
+        "backwards, that motion folds the chain."
+    )
+    return replace(_stop(text, 0), first=1, last=moments.plan)
 
 
 def _steps(moments: Moments) -> list[Stop]:

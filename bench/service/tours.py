@@ -111,6 +111,7 @@ class _Fold:
     def is_true(self, kind: StopKind, stop: Stop) -> bool:
         """Return True if the frame, the modules and the numbers of a stop are right."""
         checks: dict[StopKind, Callable[[Stop], bool]] = {
+            "unfolding": self._unfolding,
             "straight": self._straight,
             "contact": self._contact,
             "tightest": self._tightest,
@@ -121,19 +122,24 @@ class _Fold:
         }
         return checks[kind](stop)
 
+    def _unfolding(self, stop: Stop) -> bool:
+        return stop.frame == stop.first == 1 and self._is_straight(stop.last or 0)
+
     def _straight(self, stop: Stop) -> bool:
-        frame = self.timeline.frames(stop.frame - 1, stop.frame)
+        return (
+            self._is_straight(stop.frame - 1)
+            and f"{len(self.chain)} " in stop.caption
+            and f"with {self.chain.joint_count} joints" in stop.caption
+        )
+
+    def _is_straight(self, index: int) -> bool:
+        frame = self.timeline.frames(index, index + 1)
         centres = frame.poses(self.chain).positions[0]
         steps = np.diff(centres, axis=0)
         even = (
             np.abs(steps - steps[0]).max() < STRAIGHT_TOLERANCE or self.chain.module.name != "cube"
         )
-        return (
-            even
-            and float(np.abs(frame.joint_angles_rad).max()) < STRAIGHT_TOLERANCE
-            and f"{len(self.chain)} " in stop.caption
-            and f"with {self.chain.joint_count} joints" in stop.caption
-        )
+        return bool(even and np.abs(frame.joint_angles_rad).max() < STRAIGHT_TOLERANCE)
 
     def _contact(self, stop: Stop) -> bool:
         first, second = sorted(stop.modules)

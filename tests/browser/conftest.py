@@ -68,12 +68,14 @@ class Chromium:
             self._opened.callback(self._browser.close)
         return self._browser
 
-    def tab(self, site: str, *, view: bool, used: bool, **options: Any) -> Page:
+    def tab(self, site: str, *, view: bool, used: bool, toured: bool, **options: Any) -> Page:
         """Open a tab with its own profile, or reuse a recycled one."""
         if used and self._tabs[view]:
             return self._tabs[view].pop()
         context = self.browser().new_context(base_url=site, **options)
         context.set_default_timeout(TIMEOUT_MS)
+        if toured:
+            context.add_init_script(HAS_SEEN_A_TOUR)
         if not view:
             context.add_init_script(NO_VIEW)
         return context.new_page()
@@ -145,11 +147,12 @@ def visiting(service: Service) -> Generator[Visit]:
         height: int = 560,
         view: bool = True,
         script: str | None = None,
+        toured: bool = True,
         **options: Any,
     ) -> Page:
         look = {name: options.pop(name, usual) for name, usual in MEDIA.items()}
-        is_plain = script is None and not options
-        page = SHARED_BROWSER.tab(site, view=view, used=is_plain, **options)
+        is_plain = toured and script is None and not options
+        page = SHARED_BROWSER.tab(site, view=view, used=is_plain, toured=toured, **options)
         opened.append((page, view, is_plain))
         page.set_viewport_size({"width": width, "height": height})
         page.emulate_media(**look)
@@ -176,7 +179,8 @@ def visit(service: Service) -> Iterator[Visit]:
 
     Tests that do not need the 3D view open the page with ``view=False``: viser's client, which
     takes seconds to load and paint, is then never loaded, and the page's own drawing stays.
-    ``script`` runs before all scripts of each page.
+    ``script`` runs before all scripts of each page. With ``toured=False``, it is the first visit,
+    on which the tour starts by itself.
     """
     with visiting(service) as visit:
         yield visit
@@ -210,6 +214,8 @@ OVERFLOWING = """() => {
   return wide;
 }"""
 """Returns the controls and texts that are wider than the panel that they stand in."""
+HAS_SEEN_A_TOUR = "try { localStorage.setItem('foldback:toured', 'yes'); } catch {}"
+"""Script after which no tour starts by itself, as for a visitor who has seen one."""
 NO_WEBGL = "HTMLCanvasElement.prototype.getContext = () => null"
 NO_VIEW = """{
   const { prototype } = HTMLIFrameElement;

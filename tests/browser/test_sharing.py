@@ -80,7 +80,7 @@ def test_tour_is_played_edited_and_stored(visit: Visit, service: Service) -> Non
     page.locator("#colour-by").select_option("speed")
     page.locator("#tour").click()
     expect(page.locator("#colour-by")).to_have_value("chain")
-    expect(page.locator("#tour-caption")).to_contain_text("The chain is straight")
+    expect(page.locator("#tour-caption")).to_contain_text("looks for a motion that unfolds it")
     page.keyboard.press("PageDown")
     expect(page).to_have_url(re.compile("stop=2"))
 

@@ -114,21 +114,24 @@ def test_draft_has_each_moment_in_order_with_the_figures_of_the_certificate() ->
     certificate = cast(CertificateFigures, CERTIFICATE)
     frames = [(stop.frame, stop.modules) for stop in drafted.stops]
     pairs = {1473: (21, 32), 1501: (80, 81), 2001: (4, 59), 2501: (6, 91)}
-    assert frames == [(965, ()), *pairs.items(), (3001, ()), (5000, ())]
+    assert frames == [(1, ()), (965, ()), *pairs.items(), (3001, ()), (5000, ())]
     texts = [stop.caption for stop in drafted.stops]
-    assert "160 cubes in a row, with 158 joints" in texts[0]
-    assert "modules 21 and 32 are 4.89 % of the spacing apart" in texts[1]
-    assert str(clearance(certificate)) in texts[1]
-    assert texts[2].endswith("{}: {}.".format(*torque(certificate)))
-    assert "modules 6 and 91 would overlap after 42 %" in texts[4]
-    assert "Folding time: 23.9 s at joint speeds of up to 1 rad/s" in texts[6]
+    unfolding, straight, *_ = drafted.stops
+    assert (unfolding.first, unfolding.last) == (1, 964)
+    assert "motion that unfolds it" in unfolding.caption
+    assert "160 cubes in a row, with 158 joints" in straight.caption
+    assert "modules 21 and 32 are 4.89 % of the spacing apart" in texts[2]
+    assert str(clearance(certificate)) in texts[2]
+    assert texts[3].endswith("{}: {}.".format(*torque(certificate)))
+    assert "modules 6 and 91 would overlap after 42 %" in texts[5]
+    assert "Folding time: 23.9 s at joint speeds of up to 1 rad/s" in texts[7]
     assert Tour.from_dict(drafted.as_dict()) == drafted
 
 
 def test_draft_claims_nothing_that_is_unknown() -> None:
     bare = draft_tour(FOLD, 5000)
     assert bare is not None
-    assert [stop.frame for stop in bare.stops] == [965, 1473, 5000]
+    assert [stop.frame for stop in bare.stops] == [1, 965, 1473, 5000]
     assert draft_tour(FOLD, 0) is None
 
     certificate = {**CERTIFICATE, "verified": False, "min_clearance": -0.02}
@@ -158,7 +161,7 @@ def test_draft_of_a_plan_that_rests_shows_its_steps() -> None:
         assert drafted is not None
         assert len(drafted.stops) <= MAX_STOPS
         assert Tour.from_dict(drafted.as_dict(), frames=5000, modules=160) == drafted
-        stops = drafted.stops[1:-1]
+        stops = drafted.stops[2:-1]
         if count == 3:
             assert [stop.caption for stop in stops] == [f"Step {k} of 3. Turn." for k in (1, 2, 3)]
             assert [(stop.frame, stop.modules) for stop in stops] == [

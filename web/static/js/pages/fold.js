@@ -20,6 +20,7 @@ const { timeline, player, place, bar } = view({
   over: !facts.running,
   tightest: () => facts.tightest,
   play: code ? false : undefined,
+  guide: () => !facts.running && !facts.failure && facts.frames > 0,
   source: new Source(at(`/folds/${facts.id}`)),
   figures,
   details: { drawer, ModulePanel, Plots },

@@ -102,6 +102,7 @@ const { player } = view({
   details: { drawer, ModulePanel, Plots },
   load: loadView,
   tightest: () => parts.tightest,
+  guide: () => Boolean(parts.tour),
   extras: {
     tour: async () => parts.tour,
     values: async () => parts.values,

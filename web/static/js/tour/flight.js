@@ -65,6 +65,19 @@ export class Flight {
       );
     else player.send({ do: "camera", camera, gently: !calm });
     const [from, to] = [player.playhead.frame, stop.frame - 1];
+    // The part that a stop repeats is on: it continues.
+    if (
+      !calm &&
+      player.is.playing &&
+      stop.from &&
+      stop.to &&
+      from >= stop.from - 1 &&
+      from < stop.to
+    ) {
+      this.repeat(stop);
+      this.read(stop);
+      return;
+    }
     if (calm || Math.abs(to - from) < STILL) {
       this.arrive();
       return;
@@ -105,12 +118,22 @@ export class Flight {
     this.way = null;
     if (!stop) return;
     player.send({ do: "seek", frame: stop.frame - 1 });
-    if (stop.from && stop.to && !this.calm) {
-      player.send({ do: "set", from: stop.from - 1, to: stop.to - 1, loop: true });
-      player.send({ do: "play" });
-    }
-    if (this.playing)
-      this.reading = setTimeout(() => this.over(), 1000 * readingSeconds(stop.caption));
+    if (!this.calm) this.repeat(stop);
+    this.read(stop);
+  }
+
+  // Play the part that a stop repeats, if there is one.
+  /** @param {TourStop} stop */
+  repeat({ from, to }) {
+    if (!from || !to) return;
+    this.player.send({ do: "set", from: from - 1, to: to - 1, loop: true });
+    this.player.send({ do: "play" });
+  }
+
+  // Continue with the next stop when the caption is read.
+  /** @param {TourStop} stop */
+  read({ caption }) {
+    if (this.playing) this.reading = setTimeout(() => this.over(), 1000 * readingSeconds(caption));
   }
 
   // Stop at the current frame.

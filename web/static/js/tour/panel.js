@@ -37,13 +37,14 @@ export class TourPanel {
     });
     this.playing = false;
     this.onEnd = () => {}; // called after the last caption
+    this.guided = false; // true while a tour is open that has started by itself
     /** @type {{ view: AddressedView, reverse: boolean } | null} */
-    this.before = null; // the view before the tour; null once the visitor has moved the camera
+    this.before = null; // the view before the tour
+    this.looking = false; // true once the visitor has moved the camera
     player.on("camera", (/** @type {Command} */ { do: command }) => {
-      if (command === "orbit") this.before = null;
+      if (command === "orbit") this.looking = true;
     });
     this.box = get("tour-panel");
-    get("tour-edit").hidden = !id;
     /** @type {Record<string, () => void>} */
     const ways = {
       before: () => this.step(-1),
@@ -63,6 +64,7 @@ export class TourPanel {
     for (const [name, press] of Object.entries(ways)) get(`tour-${name}`).onclick = press;
     addStyle(STYLE);
     addEventListener("keydown", (event) => this.key(event));
+    addEventListener("pointerdown", ({ target }) => this.press(target), { capture: true });
     new ResizeObserver(() => this.cover()).observe(this.box);
   }
 
@@ -76,10 +78,14 @@ export class TourPanel {
     this.player.cover(stands ? Math.min(Math.max(share, 0), MAX_COVERED) : 0);
   }
 
-  // Open the tour at a stop, counted from 1. With `view` false, keep the view of the address.
-  /** @param {{ stop?: number, view?: boolean, playing?: boolean }} how */
-  open({ stop = 1, view = true, playing = false } = {}) {
+  // Open the tour at a stop, counted from 1. With `view` false, keep the view of the address. A
+  // tour that starts by itself is `guided`: a press beside it ends it.
+  /** @param {{ stop?: number, view?: boolean, playing?: boolean, guided?: boolean }} how */
+  open({ stop = 1, view = true, playing = false, guided = false } = {}) {
     if (this.box.hidden) this.remember();
+    this.guided = guided;
+    get("tour-hint").hidden = !guided;
+    get("tour-edit").hidden = guided || !this.id;
     this.box.hidden = false;
     get("tour").setAttribute("aria-expanded", "true");
     this.state.go(stop - 1);
@@ -90,17 +96,27 @@ export class TourPanel {
   }
 
   close() {
-    this.playing = false;
+    this.playing = this.guided = false;
     this.flight.close();
     this.restore();
     this.box.hidden = true;
     this.place.stop = null;
     this.place.note();
     get("tour").setAttribute("aria-expanded", "false");
-    get("tour").focus();
+    if (this.box.contains(document.activeElement)) get("tour").focus();
+  }
+
+  // End a tour that has started by itself when the visitor presses anything beside it.
+  /** @param {EventTarget | null} target */
+  press(target) {
+    if (!this.guided || (target instanceof Node && this.box.contains(target))) return;
+    this.looking = true; // the visitor turns the view from here
+    // The button itself closes the tour.
+    if (!(target instanceof Node && get("tour").contains(target))) this.close();
   }
 
   remember() {
+    this.looking = false;
     const view = this.place.page.view();
     this.before = view && { view, reverse: this.player.is.reverse };
   }
@@ -115,7 +131,7 @@ export class TourPanel {
     this.place.page.colour(colour ?? USUAL_COLOURING);
     this.place.page.path(path);
     this.player.send({ do: "set", from, to, loop, reverse, follow });
-    this.player.send({ do: "camera", camera, gently: !this.flight.calm });
+    if (!this.looking) this.player.send({ do: "camera", camera, gently: !this.flight.calm });
   }
 
   toggle() {
@@ -314,6 +330,11 @@ export class TourPanel {
       event.target.closest("textarea, input, select, [role=slider], #panel-plots")
     )
       return;
+    if (event.key === "Escape" && !document.body.classList.contains("kiosk")) {
+      event.preventDefault();
+      this.close();
+      return;
+    }
     const by = { PageUp: -1, PageDown: 1 }[event.key];
     if (!by) return;
     event.preventDefault();

@@ -12,6 +12,7 @@ import { get, later, store, stored, toast } from "../lib/text.js";
 
 const DRAW_MS = 250;
 const FLAT = "foldback:flat"; // stored once the visitor has read that WebGL is missing
+const TOURED = "foldback:toured"; // stored once the visitor has seen a tour
 const START_DELAY_MS = 1500;
 /**
  * Number of processor cores up to which the 3D view waits while a fold is computed, because
@@ -44,6 +45,8 @@ export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
  * @property {() => number | null} tightest returns the frame with the plan's smallest clearance
  * @property {Details | null} [details]
  * @property {boolean} [play]
+ * @property {() => boolean} [guide] returns true if the tour of this fold may start by itself on a
+ *   visitor's first visit
  * @property {{ tour: () => Promise<Tour | null>, values: () => Promise<KeptValues | null>,
  *   steps: () => Promise<PlanStep[] | null>, id: string | null }} extras
  *   tour, module values and steps of the fold; `id` is that of a fold that accepts new ones
@@ -61,6 +64,7 @@ export function view({
   over = true,
   details = null,
   play = !calm,
+  guide = () => false,
   extras,
   onScroll,
 }) {
@@ -184,7 +188,9 @@ export function view({
       return;
     }
     const addressed = place.go();
-    if (open() || addressed || player.story.telling || !play) return;
+    if (open() || addressed) return;
+    if (isFirstVisit()) visible.then(() => guideOnce({ player, place, guide, touring }));
+    if (player.story.telling || !play) return;
     visible.then(() => {
       if (!place.acted) player.send({ do: "play" });
     }); // from the first frame that can be seen
@@ -203,6 +209,32 @@ async function shownPage() {
     });
 }
 
+// Return true if this browser has not shown a tour yet, and the page is neither part of another one
+// nor opened with a view in its address.
+const isFirstVisit = () =>
+  window.parent === window && !location.search && !location.hash && stored(TOURED) === null;
+
+// Start the tour by itself once the fold is over and its motion has been shown, unless the visitor
+// does something before. With reduced motion, it opens at its first stop and waits there.
+/**
+ * @param {{ player: import("../player/player.js").Player, place: Place, guide: () => boolean,
+ *   touring: import("../tour/panel.js").Touring }} page
+ */
+function guideOnce({ player, place, guide, touring }) {
+  let done = false;
+  const start = () => {
+    const { timeline, story } = player;
+    if (done || place.acted || timeline.growing || story.telling || !guide()) return;
+    done = true;
+    touring((panel) => {
+      // Without storage, each visit would be the first one.
+      if (!place.acted && store(TOURED, "yes")) panel.open({ playing: !calm, guided: true });
+    });
+  };
+  player.on("state", start);
+  start();
+}
+
 // Say once that the browser shows a drawing, in which the chain's path is not visible.
 function sayFlat() {
   get("through").disabled = true;
@@ -219,6 +251,7 @@ function sayFlat() {
 function offerTour(touring) {
   get("tour").onclick = () =>
     touring((panel) => {
+      store(TOURED, "yes");
       if (panel.box.hidden) panel.open({ playing: !calm });
       else panel.close();
     });
