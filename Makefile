@@ -21,12 +21,21 @@ PRETTIER := $(BIN)/node node_modules/prettier/bin/prettier.cjs --log-level warn
 CXX_FILES := planner/core/*.cpp planner/core/*.hpp bench/ode/*.cpp bench/ode/*.hpp
 SCRIPTS := "web/static/**/*.js" "tests/web/js/*.js" eslint.config.js web/types.d.ts
 
+# The parts of mediabunny that write films in the browser, as one script: decision 0075.
+MUXER := web/static/js/film/mediabunny.js
+MUXER_PARTS := BufferTarget, EncodedPacket, EncodedVideoPacketSource, Mp4OutputFormat, Output, WebMOutputFormat
+MUXER_LICENCE := /*! mediabunny $$($(BIN)/node -p 'require("./node_modules/mediabunny/package.json").version'), \
+	MPL-2.0, https://github.com/Vanilagy/mediabunny; see docs/licences.md */
+BUILD_MUXER = echo 'export { $(MUXER_PARTS) } from "mediabunny";' | $(BIN)/node node_modules/esbuild/bin/esbuild \
+	--bundle --minify --format=esm --target=es2022 --legal-comments=none --log-level=warning \
+	--banner:js="$(MUXER_LICENCE)"
+
 # The first interpreter that starts and is new enough; 3.11 to 3.13 are tried ones.
 PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python python3.14; do \
 	"$$p" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' \
 	>/dev/null 2>&1 && { echo "$$p"; exit; }; done)
 
-.PHONY: help run test test-fast test-lowest test-long faults coverage load audit compose-check deploy-check docs release-files texts lint format bench success-map reproduction constraints clean tools test-foreign wheels sanitize
+.PHONY: help run test test-fast test-lowest test-long faults coverage load audit compose-check deploy-check docs release-files texts lint format bench success-map muxer reproduction constraints clean tools test-foreign wheels sanitize
 
 help: ## List the targets of make
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
@@ -116,12 +125,16 @@ lint: $(STAMP) $(NODE_MODULES) ## Check style and types
 	@$(BIN)/node node_modules/typescript/bin/tsc --project jsconfig.json
 	@$(BIN)/node node_modules/eslint/bin/eslint.js web/static tests/web/js
 	@$(PRETTIER) --check $(SCRIPTS)
+	@$(BUILD_MUXER) | cmp - $(MUXER) || { echo "make muxer writes $(MUXER)" >&2; exit 1; }
 
 format: $(STAMP) $(NODE_MODULES) ## Format Python with ruff, C++ with clang-format, and scripts with prettier
 	@$(BIN)/ruff check --fix --quiet .
 	@$(BIN)/ruff format .
 	@$(BIN)/clang-format -i $(CXX_FILES)
 	@$(PRETTIER) --write $(SCRIPTS)
+
+muxer: $(STAMP) $(NODE_MODULES) ## Write the script that writes films in the browser, from its package
+	@$(BUILD_MUXER) > $(MUXER)
 
 test-long: $(STAMP) tools ## Run long tests (crashes, replays of all shapes): an hour or more
 	@$(BIN)/python -m pytest -q -m "long or hypothesis" --hypothesis-profile=thorough -o timeout=0 \

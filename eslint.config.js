@@ -2,7 +2,7 @@
 import js from "@eslint/js";
 
 export default [
-  { ignores: [".venv/", "data/", "out/"] },
+  { ignores: [".venv/", "data/", "out/", "web/static/js/film/mediabunny.js"] },
   { files: ["web/static/**/*.js", "tests/web/js/*.js"], ...js.configs.recommended },
   {
     rules: {
