@@ -146,6 +146,14 @@ export class Colouring {
     };
   }
 
+  // Return true unless the values of a moment are still loading.
+  /** @param {Pick<Snapshot, "low">} snapshot */
+  isLoaded({ low }) {
+    const { figures, key } = this;
+    if (!(key in MEASURED) || !figures?.plots || low >= figures.plots.frames) return true;
+    return figures.row(low) !== null;
+  }
+
   get high() {
     const { high } = this.scale;
     return typeof high === "function" ? high() : high;

@@ -67,6 +67,8 @@ export class Sketch {
     this.waiting = false;
     /** @type {((png: Blob) => void)[]} */
     this.pictures = []; // callbacks of pending pictures
+    /** @type {((image: ImageBitmap) => void)[]} */
+    this.films = []; // callbacks of pending pictures of a film
     /** @type {SketchFrame | null} */
     this.next = null;
     this.pitch = 1;
@@ -77,6 +79,10 @@ export class Sketch {
     this.worker.onmessage = ({ data }) => {
       if (data instanceof Blob) {
         this.pictures.shift()?.(data);
+        return;
+      }
+      if (data instanceof ImageBitmap) {
+        this.films.shift()?.(data);
         return;
       }
       if (first) {
@@ -182,6 +188,21 @@ export class Sketch {
     return new Promise((done) => {
       this.pictures.push(done);
       this.tell({ is: "picture", frame, size, ground: transparent ? null : this.painted });
+    });
+  }
+
+  // Return one picture of a film, with labels.
+  /**
+   * @param {[shown: Snapshot, colours: Uint8Array, view: Eye, ground: number | null]} drawn
+   * @param {{ width: number, height: number, ground: Ground, labels: Label[] }} film
+   * @returns {Promise<ImageBitmap>}
+   */
+  filmed(drawn, { width, height, ground, labels }) {
+    const frame = this.frame(...drawn);
+    const size = { width, height, scale: 1 };
+    return new Promise((done) => {
+      this.films.push(done);
+      this.tell({ is: "film", frame, size, ground, labels });
     });
   }
 

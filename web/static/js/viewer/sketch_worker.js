@@ -42,7 +42,14 @@ const GAP = 0.6; // brightness of the gap
  *   | { is: "size", size: typeof size }
  *   | { is: "outline", outline: Drawn }
  *   | { is: "frame", frame: SketchFrame }
- *   | { is: "picture", frame: SketchFrame, size: typeof size, ground: Ground | null }} SketchTold
+ *   | { is: "picture", frame: SketchFrame, size: typeof size, ground: Ground | null }
+ *   | { is: "film", frame: SketchFrame, size: typeof size, ground: Ground, labels: Label[] }}
+ *   SketchTold
+ */
+/** @typedef {{ image: ImageBitmap, y: number, opacity: number }} Label picture with text */
+/**
+ * @typedef {{ paper: OffscreenCanvas, pen: OffscreenCanvasRenderingContext2D, size: typeof size,
+ *   ground: Ground | null, backdrop: OffscreenCanvas | null }} Surface canvas that is drawn on
  */
 
 // Set by the message "begin".
@@ -62,10 +69,17 @@ let outline = null;
 /** @type {SketchFrame | null} */
 let latest = null;
 let due = false;
+/** @type {Surface | null} */
+let filmSurface = null; // canvas of the film's pictures
 
 onmessage = (/** @type {MessageEvent<SketchTold>} */ { data }) => {
   if (data.is === "picture") {
     picture(data);
+    return;
+  }
+  if (data.is === "film") {
+    const image = filmed(data);
+    postMessage(image, { transfer: [image] });
     return;
   }
   if (data.is === "outline") {
@@ -84,19 +98,58 @@ onmessage = (/** @type {MessageEvent<SketchTold>} */ { data }) => {
   ask(data.is === "frame");
 };
 
-// Draw one frame as a PNG, on a separate canvas of any size, with or without background.
+// Draw one frame as a PNG, with or without background.
 /** @param {SketchTold & { is: "picture" }} request */
-async function picture(request) {
-  const previous = { paper, pen, size, ground, back: backdrop };
-  ({ size, ground } = request);
-  paper = new OffscreenCanvas(1, 1);
-  pen = penOf(paper, !ground);
-  backdrop = null;
+async function picture({ frame, size: wanted, ground: behind }) {
+  const surface = surfaceOf(wanted, behind);
+  drawOn(surface, frame);
+  postMessage(await surface.paper.convertToBlob({ type: "image/png" }));
+}
+
+// Draw one frame of a film with its labels, on a canvas that the next frames reuse.
+/** @param {SketchTold & { is: "film" }} request */
+function filmed({ frame, size: wanted, ground: behind, labels }) {
+  if (filmSurface?.size.width !== wanted.width || filmSurface.size.height !== wanted.height)
+    filmSurface = surfaceOf(wanted, behind);
+  else if (JSON.stringify(filmSurface.ground) !== JSON.stringify(behind))
+    Object.assign(filmSurface, { ground: behind, backdrop: null });
+  drawOn(filmSurface, frame);
+  for (const { image, y, opacity } of labels) {
+    filmSurface.pen.globalAlpha = opacity;
+    filmSurface.pen.drawImage(image, 0, y);
+  }
+  filmSurface.pen.globalAlpha = 1;
+  return filmSurface.paper.transferToImageBitmap();
+}
+
+/**
+ * @param {typeof size} wanted
+ * @param {Ground | null} behind
+ * @returns {Surface}
+ */
+function surfaceOf(wanted, behind) {
+  const canvas = new OffscreenCanvas(1, 1);
+  return {
+    paper: canvas,
+    pen: penOf(canvas, !behind),
+    size: wanted,
+    ground: behind,
+    backdrop: null,
+  };
+}
+
+// Draw a frame on a canvas other than that of the page.
+/**
+ * @param {Surface} surface
+ * @param {SketchFrame} frame
+ */
+function drawOn(surface, frame) {
+  const shown = { paper, pen, size, ground, backdrop };
+  ({ paper, pen, size, ground, backdrop } = surface);
   clear();
-  if (outline) draw(outline, request.frame);
-  const drawn = paper;
-  ({ paper, pen, size, ground, back: backdrop } = previous);
-  postMessage(await drawn.convertToBlob({ type: "image/png" }));
+  if (outline) draw(outline, frame);
+  Object.assign(surface, { backdrop });
+  ({ paper, pen, size, ground, backdrop } = shown);
 }
 
 // Return a context that draws on the CPU, which is faster with software rendering.

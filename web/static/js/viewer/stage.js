@@ -247,14 +247,22 @@ export class Stage extends Scene {
     if (this.table) return false;
     const low = floorUnder(snapshot) * this.pitch;
     if (this.ground === low) return false;
-    const before = this.ground ?? low;
-    this.ground =
-      Math.abs(before - low) < LEVEL * this.pitch
-        ? low
-        : low + (before - low) * Math.exp(-seconds / (low < before ? SINK_S : RISE_S));
+    this.ground = groundAfter(this.ground ?? low, low, seconds, this.pitch);
     return true;
   }
 }
+
+// Return the height of the ground some seconds later, on its way to `low`.
+/**
+ * @param {number} before
+ * @param {number} low
+ * @param {number} seconds
+ * @param {number} pitch
+ */
+export const groundAfter = (before, low, seconds, pitch) =>
+  Math.abs(before - low) < LEVEL * pitch
+    ? low
+    : low + (before - low) * Math.exp(-seconds / (low < before ? SINK_S : RISE_S));
 
 // Return discs with areas in proportion to the contact
 // forces under the modules, in units of the scene.

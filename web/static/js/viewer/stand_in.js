@@ -75,6 +75,7 @@ export class StandIn {
     this.onOpen = () => {};
     this.painted = () => {};
     this.busy = () => false; // true during automatic motion
+    this.held = false; // true while the drawing replaces the view in any case
     sketch.onDrawn = () => {
       if (this.covers) {
         canvas.classList.remove("gone");
@@ -139,7 +140,7 @@ export class StandIn {
     stage.painted(() => {
       if (this.state !== state) return;
       this.onOpen();
-      if (this.times.slow && state.picture) this.rest(state.picture);
+      if ((this.held || this.times.slow) && state.picture) this.rest(state.picture);
       else this.enter({ is: "viewing" });
     });
   }
@@ -152,13 +153,22 @@ export class StandIn {
   // Show a picture of the drawing in the view, once nothing moves.
   /** @param {Picture} picture */
   rest(picture) {
-    if (this.busy()) {
+    if (this.held || this.busy()) {
+      if (this.held) this.stage.rest();
       this.enter({ is: "drawing", picture });
       return;
     }
     this.stage.draw(...picture);
     this.times.measure(this.painted);
     this.yield(picture);
+  }
+
+  // Show the drawing instead of the view, or reverse this: with software rendering, even a view at
+  // rest takes more processor time than a film.
+  /** @param {boolean} on */
+  hold(on) {
+    this.held = on;
+    if (on && this.state.is === "viewing" && this.stage.latest) this.drawSketch(this.stage.latest);
   }
 
   // Hide the drawing once the view shows the same
