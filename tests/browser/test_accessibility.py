@@ -166,7 +166,12 @@ def test_folds_are_accessible(visit: Visit, service: Service, tmp_path: Path) ->
     page.get_by_role("button", name="Check this plan").click()
     expect(page.locator("#check [role=status]")).to_contain_text("This browser checked")
     assert findings(page) == {}
-    dialogs = {"share": "sharing", "compare": "compare-dialog", "keys": "keys-dialog"}
+    dialogs = {
+        "film": "film-dialog",
+        "share": "sharing",
+        "compare": "compare-dialog",
+        "keys": "keys-dialog",
+    }
     for button, dialog in dialogs.items():
         page.locator(f"#{button}").click()
         expect(page.locator(f"#{dialog}")).to_be_visible()

@@ -52,6 +52,14 @@ const failing = later(
   toast,
 );
 const dialogs = later(() => import("../panels/dialogs.js"), toast);
+const film = later(async () => {
+  const { filming } = await import("../film/dialog.js");
+  return filming({
+    player,
+    name: () => get("name").textContent,
+    tour: () => ask(`/folds/${facts.id}/tour.json`),
+  });
+}, toast);
 const fullSize = later(() => import("../panels/full_size.js"), toast);
 const share = later(
   () => import("../panels/share.js").then(({ sharing }) => sharing(facts, { place, player })),
@@ -99,6 +107,9 @@ if (rename) {
   };
 }
 get("share").onclick = () => share((open) => open());
+document.addEventListener("click", ({ target }) => {
+  if (target instanceof Element && target.closest("[data-film]")) film((open) => open());
+});
 get("compare").onclick = () => companions(({ compare }) => compare(facts));
 get("refold").onclick = () => companions(({ refold }) => refold(facts));
 get("smooth").onclick = () =>

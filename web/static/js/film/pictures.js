@@ -1,0 +1,161 @@
+// Pictures of a film: the fold as the visitor sees it, drawn at the size of the film.
+import { CameraRig } from "../player/camera_rig.js";
+import { groundAfter } from "../viewer/stage.js";
+import { floorUnder } from "../viewer/sketch.js";
+import { captionLabel, titleLabel, titleOpacity } from "./labels.js";
+import { FPS, schedule } from "./schedule.js";
+
+const LOOK_MS = 100; // between two looks for data that is still loading
+const CAPTION_ROOM = 0.16; // fraction of the picture's height that stays free for captions
+/** @type {Record<"light" | "dark", [inside: string, outside: string]>} */
+const GROUNDS = {
+  light: ["rgb(252 251 249)", "rgb(233 230 223)"],
+  dark: ["rgb(38 42 48)", "rgb(20 22 26)"],
+};
+
+/**
+ * @typedef {object} FilmOptions
+ * @property {number} width
+ * @property {number} height
+ * @property {number} seconds
+ * @property {boolean} whole whether the film begins with the unfolding
+ * @property {string} title
+ * @property {TourStop[]} stops of the tour; none without captions
+ */
+
+export class Pictures {
+  /**
+   * @param {import("../player/player.js").Player} player
+   * @param {FilmOptions} options
+   * @param {AbortSignal | null} signal ends waits for data
+   */
+  constructor(player, options, signal = null) {
+    const { timeline } = player;
+    this.player = player;
+    this.options = options;
+    this.signal = signal;
+    const folding = timeline.outline.phases.findLast(({ name }) => name === "playback");
+    const first = options.whole || !folding ? 0 : folding.from;
+    this.schedule = schedule({ ...options, first, last: timeline.last });
+    this.dark = themeNow() === "dark";
+    this.rig = this.camera((timeline.last - first) / options.seconds);
+    /** @type {number | null} */
+    this.ground = null;
+    /** @type {Map<string, Label>} */
+    this.captions = new Map();
+    /** @type {Label | null} */
+    this.title = null;
+  }
+
+  get count() {
+    return this.schedule.frames.length;
+  }
+
+  // Return a camera that starts like that of the page and follows the film.
+  /** @param {number} framesPerSecond */
+  camera(framesPerSecond) {
+    const {
+      player: { rig: seen, timeline, is },
+      options: { width, height, stops },
+    } = this;
+    const aspect = width / height;
+    const rig = new CameraRig(
+      timeline,
+      { is: { ...is, playing: true, live: false }, framesPerSecond },
+      { aspect: () => aspect, calm: false },
+    );
+    if (is.follow) {
+      Object.assign(rig, { group: seen.group });
+      rig.choose(seen.choice);
+      if (stops.length) rig.cover(CAPTION_ROOM);
+    } else if (seen.view) {
+      // A narrower picture shows the same width.
+      const farther = Math.max(1, seen.aspect / aspect);
+      rig.view = rig.goal = { ...seen.view, distance: seen.view.distance * farther };
+    }
+    return rig;
+  }
+
+  // Draw the labels once.
+  async prepare() {
+    const { width, height, title, stops } = this.options;
+    const { fontFamily: family } = getComputedStyle(document.body);
+    const look = { width, height, dark: this.dark, family };
+    if (title.trim()) this.title = await titleLabel(title, look);
+    for (const { caption } of stops) this.captions.set(caption, await captionLabel(caption, look));
+  }
+
+  // Return picture k; pictures are drawn in order.
+  /** @param {number} k */
+  async at(k) {
+    const { player, rig, schedule: plan } = this;
+    const snapshot = await this.moment(plan.frames[k]);
+    const stop = plan.stops[k];
+    rig.aim(snapshot);
+    rig.glide(1 / FPS, snapshot);
+    if (!rig.eye || !player.sketch) throw new Error("There is no view to film yet.");
+    const colours = player.colours(snapshot);
+    const { selected } = player.timeline.bundle.header.colours;
+    for (const module of stop?.modules ?? []) colours.set(selected, 3 * (module - 1));
+    return player.sketch.filmed([snapshot, colours, rig.eye, this.groundAt(snapshot)], {
+      ...this.options,
+      ground: this.backdrop,
+      labels: this.labels(k, stop),
+    });
+  }
+
+  // Return the moment at a frame, once it and the values of its colours are loaded.
+  /** @param {number} frame */
+  async moment(frame) {
+    const { timeline, colouring } = this.player;
+    for (;;) {
+      const snapshot = timeline.snapshot(frame);
+      if (snapshot?.exact && colouring?.isLoaded(snapshot)) return snapshot;
+      this.signal?.throwIfAborted();
+      await new Promise((done) => setTimeout(done, LOOK_MS));
+    }
+  }
+
+  /** @param {Snapshot} snapshot */
+  groundAt(snapshot) {
+    const { stage, timeline } = this.player;
+    const { pitch, table } = timeline.bundle.header;
+    if (table) return stage?.ground ?? table.height * pitch;
+    const low = floorUnder(snapshot) * pitch;
+    this.ground = groundAfter(this.ground ?? low, low, 1 / FPS, pitch);
+    return this.ground;
+  }
+
+  /** @returns {Ground} */
+  get backdrop() {
+    const [inside, outside] = GROUNDS[this.dark ? "dark" : "light"];
+    return (
+      this.player.sketch?.painted ?? {
+        place: [1, 1, 0.5, 0.4],
+        stops: [
+          [0, inside],
+          [1, outside],
+        ],
+      }
+    );
+  }
+
+  /**
+   * @param {number} k
+   * @param {TourStop | null} stop
+   */
+  labels(k, stop) {
+    const labels = [];
+    const opacity = titleOpacity(k / FPS, this.options.seconds);
+    if (this.title && opacity > 0) labels.push({ ...this.title, opacity });
+    const caption = stop && this.captions.get(stop.caption);
+    if (caption) labels.push(caption);
+    return labels;
+  }
+}
+
+function themeNow() {
+  const { theme } = document.documentElement.dataset;
+  if (theme === "light" || theme === "dark") return theme;
+  return matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark";
+}
