@@ -12,9 +12,10 @@ from typing import Any, Final
 from bench.sections import Section
 from bench.shape_files import write_shapes
 from foldback.planner.sweeps.cases import planner_digest
+from foldback.planner.sweeps.executors import Place
 from foldback.planner.sweeps.rows import Rows
 from foldback.planner.sweeps.spec import SweepSpec
-from foldback.planner.sweeps.sweep import Sweep
+from foldback.planner.sweeps.sweep import SweepState
 
 SPECS: Final = Path(__file__).parent / "sweeps"
 """Directory of the specs."""
@@ -49,8 +50,9 @@ def fold_missing(name: str) -> None:
     """Fold what is missing of a sweep."""
     write_shapes()
     spec = SweepSpec.from_toml(SPECS / f"{name}.toml")
-    for row in Sweep.of(spec).rows(OUT / name):
-        print(*(row.get(column) for column in ("shape", "method", "seed", "verdict")), flush=True)
+    with SweepState.opened(spec, OUT / name) as sweep:
+        for row in sweep.compute(Place()):
+            print(*(row.get(name) for name in ("shape", "method", "seed", "verdict")), flush=True)
 
 
 def current_rows(name: str) -> list[Row]:

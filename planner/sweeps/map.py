@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Final, cast
 from foldback.planner.errors import InputError
 from foldback.planner.storage.files import write_whole
 from foldback.planner.sweeps.case import Row, Value
-from foldback.planner.sweeps.cases import PLANS_DIR
 from foldback.planner.sweeps.spec import SweepSpec
 from foldback.planner.sweeps.table import column_names
 
@@ -26,6 +25,8 @@ NOT_COUNTED: Final = "refused: strategy-differs"
 """Verdict on folds by a method that is not for their kind of chain; the map leaves them out."""
 PAGE: Final = "index.html"
 PICTURE: Final = "map.svg"
+PLANS_DIR: Final = "plans"
+"""Name of the directory, in that of a sweep, with the directories of kept folds."""
 PLAYERS_DIR: Final = "players"
 """Name of the directory, in that of a sweep, with pages that play kept plans."""
 PAGE_OF_PLAN: Final = f"{PLAYERS_DIR}/folds/{{}}.html"

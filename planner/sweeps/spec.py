@@ -213,7 +213,7 @@ def seeds_of(value: Seeds, shape: str) -> tuple[int, ...]:
     match = re.fullmatch(r"(\d{1,10})(?:-(\d{1,10}))?", str(text))
     seeds = range(int(match[1]), int(match[2] or match[1]) + 1) if match else value
     if isinstance(seeds, list | range) and seeds and 0 <= min(seeds) <= max(seeds) <= MAX_SEED:
-        return tuple(seeds)
+        return tuple(dict.fromkeys(seeds))
     raise InputError(
         "bad-seeds",
         f"got the seeds {text!r}, expected a number, a text such as '0-4', a list such as [1, 5], "

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import ExitStack
-from dataclasses import dataclass
-from itertools import chain
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from itertools import islice, zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -15,10 +15,10 @@ from foldback.planner.cpu_cores import cores
 from foldback.planner.errors import InputError
 from foldback.planner.storage.files import write_whole
 from foldback.planner.storage.plain_values import to_plain
-from foldback.planner.sweeps.case import Row
-from foldback.planner.sweeps.cases import SweepCases
+from foldback.planner.sweeps.case import Case, Row
+from foldback.planner.sweeps.cases import FoldSeries, series_of
 from foldback.planner.sweeps.executors import Place, executor_on
-from foldback.planner.sweeps.map import MAP_PERIOD_S, write_map
+from foldback.planner.sweeps.map import MAP_PERIOD_S, PLANS_DIR, write_map
 from foldback.planner.sweeps.rows import Rows, with_shared_texts
 from foldback.planner.sweeps.run import CASES_PER_WORKER, run_cases
 from foldback.planner.sweeps.spec import SweepSpec
@@ -33,34 +33,160 @@ SPEC_FILE: Final = "sweep.toml"
 """Name of the file, in the directory of a sweep, with its specification."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SweepState:
     """State of a sweep in its directory.
 
     Attributes:
-        cases: All cases.
-        rows: Newest rows by key.
-        settled: Rows whose cases are not computed again.
+        spec: Its specification.
+        directory: The directory, which may be missing.
+        series: All folds, the cheapest first.
+        rows: Newest rows by key, in the order in which they were written.
+        settled: Rows whose folds are not computed again.
+        write: Stores a row.
+        handed_out: Folds of which another seed may be needed, by the keys of those being computed.
     """
 
-    cases: SweepCases
+    spec: SweepSpec
+    directory: Path
+    series: list[FoldSeries]
     rows: dict[str, Row]
     settled: dict[str, Row]
+    write: Callable[[Row], None]
+    handed_out: dict[str, FoldSeries] = field(default_factory=dict[str, FoldSeries])
 
     @classmethod
-    def of(cls, spec: SweepSpec, directory: Path, again: Sequence[str] = ()) -> SweepState:
-        """Return the state of a sweep.
+    def of(
+        cls,
+        spec: SweepSpec,
+        directory: Path,
+        again: Sequence[str] = (),
+        write: Callable[[Row], None] = lambda _: None,
+    ) -> SweepState:
+        """Return the state of a sweep, which is only read.
 
         Args:
             spec: Its specification.
             directory: Its directory, which may be missing.
             again: Verdicts, or their beginnings, of rows that are computed again.
+            write: Stores a row.
         """
         rows, repeated = Rows(directory).read(), tuple(again)
         settled = {
-            k: row for k, row in rows.items() if not str(row["verdict"]).startswith(repeated)
+            key: row
+            for key, row in rows.items()
+            if not (repeated and str(row["verdict"]).startswith(repeated))
         }
-        return cls(SweepCases(spec, directory), rows, settled if repeated else rows.copy())
+        return cls(
+            spec=spec,
+            directory=directory,
+            series=series_of(spec),
+            rows=rows,
+            settled=settled,
+            write=write,
+        )
+
+    @classmethod
+    @contextmanager
+    def opened(
+        cls, spec: SweepSpec, directory: Path, again: Sequence[str] = ()
+    ) -> Generator[SweepState]:
+        """Yield the state of a sweep that is computed; write its tables and its map at the end.
+
+        Args:
+            spec: Its specification.
+            directory: Its directory; created if missing.
+            again: Verdicts, or their beginnings, of rows that are computed again.
+
+        Raises:
+            InputError: If the directory cannot be used, or a request is invalid.
+        """
+        import tomli_w  # of the extra ``sweep``
+
+        with Rows(directory).writing() as write:
+            check_spec(spec, directory)
+            state = cls.of(spec, directory, again, write)
+            write_whole(directory / SPEC_FILE, tomli_w.dumps(spec.as_dict()).encode())
+            try:
+                yield state
+            finally:
+                state.write_results()
+
+    def add(self, row: Row) -> None:
+        """Store the row of a fold, and replace an older one."""
+        self.write(row)
+        key = str(row["key"])
+        self.rows.pop(key, None)
+        self.rows[key] = self.settled[key] = with_shared_texts(row)
+
+    def left(self, series: FoldSeries) -> Iterator[int]:
+        """Yield the seeds without a row; after a verified one, none may be needed."""
+        for seed in series.seeds:
+            row = self.settled.get(series.key(seed))
+            if row is None:
+                yield seed
+            elif self.spec.until and row.get("verified"):
+                return
+
+    def folds_left(self) -> int:
+        """Return the number of folds without a row; seeds that may not be needed count, too."""
+        return sum(1 for series in self.series for _ in self.left(series))
+
+    def missing(self) -> Iterator[Case]:
+        """Yield the folds without a row: the first seeds of all shapes before the second ones.
+
+        If seeds are tried until one is verified, yield the first ones alone.
+        """
+        turns = zip_longest(*map(self.left, self.series))
+        for seeds in islice(turns, 1) if self.spec.until else turns:
+            for series, seed in zip(self.series, seeds, strict=True):
+                if seed is not None:
+                    yield self._case(series, seed)
+
+    def after(self, case: Case, row: Row) -> Case | None:
+        """Return the case with the next seed if seeds are tried until one is verified."""
+        del row
+        series = self.handed_out.pop(case.key)
+        seed = next(self.left(series), None) if self.spec.until else None
+        return None if seed is None else self._case(series, seed)
+
+    def _case(self, series: FoldSeries, seed: int) -> Case:
+        case = series.case(seed, self.spec.keep.plans, self.directory / PLANS_DIR)
+        self.handed_out[case.key] = series
+        return case
+
+    def compute(self, place: Place, executor: Executor | None = None) -> Iterator[Row]:
+        """Compute what is missing; yield each new row, which is stored already.
+
+        Args:
+            place: Where the folds are computed, and how many at the same time.
+            executor: Computes the folds instead of Dask.
+        """
+        if not self.folds_left():
+            return
+        with ExitStack() as started:
+            at_once: int | Callable[[], int] = CASES_PER_WORKER * (place.workers or cores())
+            if executor is None:
+                executor = started.enter_context(executor_on(place))
+                at_once = executor.at_once
+            drawn_s = float("-inf")
+            for row in run_cases(
+                self.missing(), self.add, executor, at_once=at_once, next_case=self.after
+            ):
+                if time.monotonic() - drawn_s > MAP_PERIOD_S:
+                    self._draw(is_running=True)
+                    drawn_s = time.monotonic()
+                yield row
+
+    def write_results(self, *, redraw: bool = False) -> None:
+        """Write the tables and the map if there are newer rows, or ``redraw`` is set."""
+        if redraw or is_outdated(self.directory):
+            write_tables(self.directory, self.rows, self.spec.as_dict())
+            self._draw(is_running=False)
+
+    def _draw(self, *, is_running: bool) -> None:
+        left = self.folds_left()
+        write_map(self.directory, self.spec, self.rows, left, is_running=is_running)
 
 
 class Sweep:
@@ -82,13 +208,6 @@ class Sweep:
     def __init__(self, shapes: Sequence[Pattern] | Mapping[str, Any] = (), **values: Any) -> None:
         self.spec = SweepSpec.of({"shapes": shapes, **values}, Path.cwd())
 
-    @classmethod
-    def of(cls, spec: SweepSpec) -> Sweep:
-        """Return the sweep of a specification."""
-        sweep = cls.__new__(cls)
-        sweep.spec = spec
-        return sweep
-
     def run(self, directory: str | Path, **options: Any) -> pa.Table:
         """Compute what is missing; return the table, with a row for each fold.
 
@@ -106,76 +225,26 @@ class Sweep:
         self,
         directory: str | Path,
         *,
-        on: str | Place = "",
+        on: str = "",
         executor: Executor | None = None,
         workers: int | None = None,
         again: Sequence[str] = (),
-        begun: Callable[[SweepState], None] = lambda _: None,
     ) -> Iterator[Row]:
         """Compute what is missing; yield each new row, which is stored already.
 
         Args:
             directory: Directory of the sweep; created if missing.
-            on: Where the folds are computed: the address or scheduler file of a Dask cluster, or a
-                place; empty for all cores of this machine.
+            on: Where the folds are computed: the address or scheduler file of a Dask cluster; empty
+                for all cores of this machine.
             executor: Instead of it, any executor.
             workers: Number of folds at the same time; the number of cores if None.
             again: Verdicts, or their beginnings, of rows that are computed again.
-            begun: Called with the state before the first fold.
 
         Raises:
             InputError: If the directory cannot be used, or a request is invalid.
         """
-        import tomli_w  # of the extra ``sweep``
-
-        directory = Path(directory)
-        with Rows(directory).writing() as add, ExitStack() as opened:
-            check_spec(self.spec, directory)
-            state = SweepState.of(self.spec, directory, again)
-            write_whole(directory / SPEC_FILE, tomli_w.dumps(self.spec.as_dict()).encode())
-            settled, cases, left = state.settled, state.cases, state.cases.left(state.settled)
-            begun(state)
-            opened.callback(lambda: write_results(self.spec, directory, state.rows, left))
-            missing = cases.missing(settled)
-            if (first := next(missing, None)) is None:
-                return
-            at_once: int | Callable[[], int] = CASES_PER_WORKER * (workers or cores())
-            if executor is None:
-                place = on if isinstance(on, Place) else Place(on=on, workers=workers)
-                executor = opened.enter_context(executor_on(place))
-                at_once = executor.at_once
-            drawn_s = float("-inf")
-            for row in run_cases(
-                chain([first], missing),
-                add,
-                executor,
-                at_once=at_once,
-                next_case=lambda case, row: cases.after(case, row, settled),
-            ):
-                state.rows.pop(str(row["key"]), None)
-                state.rows[str(row["key"])] = with_shared_texts(row)
-                left -= 1
-                if time.monotonic() - drawn_s > MAP_PERIOD_S:
-                    write_map(directory, self.spec, state.rows, left, is_running=True)
-                    drawn_s = time.monotonic()
-                yield row
-
-
-def write_results(
-    spec: SweepSpec, directory: Path, rows: Mapping[str, Row], left: int, *, redraw: bool = False
-) -> None:
-    """Write the tables and the map, if there are newer rows.
-
-    Args:
-        spec: The specification.
-        directory: Directory of the sweep.
-        rows: Newest rows by key.
-        left: Number of folds that are still to be computed.
-        redraw: True to write them in any case.
-    """
-    if redraw or is_outdated(directory):
-        write_tables(directory, rows, spec.as_dict())
-        write_map(directory, spec, rows, left, is_running=False)
+        with SweepState.opened(self.spec, Path(directory), again) as state:
+            yield from state.compute(Place(on=on, workers=workers), executor)
 
 
 def check_spec(spec: SweepSpec, directory: Path) -> None:

@@ -6,12 +6,11 @@ import json
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Generator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import Annotated, Any, Final
 
 import typer
 from msgspec import structs
@@ -24,10 +23,11 @@ from foldback.cli.exit_statuses import NOT_ACHIEVED
 from foldback.cli.inputs import refuse
 from foldback.planner.errors import InputError
 from foldback.planner.parameters.parameters import PRESET_CHOICES, STRATEGY_CHOICES
+from foldback.planner.sweeps.executors import Place
+from foldback.planner.sweeps.map import PAGE, PAGE_OF_PLAN, PLANS_DIR, PLAYERS_DIR
+from foldback.planner.sweeps.run import LOST
 from foldback.planner.sweeps.spec import SweepSpec
-
-if TYPE_CHECKING:
-    from foldback.planner.sweeps.sweep import SweepState
+from foldback.planner.sweeps.sweep import SPEC_FILE, SweepState
 
 INTERRUPTED: Final = 130
 """Exit status of a command that Ctrl-C has ended, as of shells."""
@@ -80,30 +80,26 @@ def sweep(
     The same line again continues. Exits with 0 if all folds have rows, with 3 if some are lost, and
     with 2 if the spec is bad.
     """
+    lost = 0
     try:
         values = {"shapes": shapes, "seeds": seeds, "methods": _methods(methods)}
         sweep_spec = _with_axes(_spec(spec, {k: v for k, v in values.items() if v}), axes)
-        if out is None and spec is not None and spec.is_dir():
-            out = spec
+        is_directory = spec is not None and spec.is_dir()
+        out = spec if out is None and is_directory else out
         _check_packages()
         if dry_run:
             _show_plan(sweep_spec, out or Path())
-            return
-        if out is None:
+        elif out is None:
             raise InputError("no-directory", "got no directory, expected --out DIR.")
-        if status:
+        elif status:
             _show_status(sweep_spec, out)
-            return
-        if axes and spec is not None and spec.is_dir():
-            _redraw(sweep_spec, out)
-            return
-        from foldback.planner.sweeps.executors import Place
-
-        options = _pairs(slurm or [], "--slurm")
-        place = Place(on=on, workers=workers, walltime=walltime, slurm=options)
-        lost = _run(
-            sweep_spec, out, place, tuple(filter(None, again.split(","))), bool(axes), as_json
-        )
+        elif axes and is_directory:
+            SweepState.of(sweep_spec, out).write_results(redraw=True)
+        else:
+            sbatch = _pairs(slurm or [], "--slurm")
+            place = Place(on=on, workers=workers, walltime=walltime, slurm=sbatch)
+            verdicts = tuple(filter(None, again.split(",")))
+            lost = _run(sweep_spec, out, place, verdicts, bool(axes), as_json)
     except InputError as error:
         refuse(error, as_json)
     except KeyboardInterrupt:
@@ -113,24 +109,31 @@ def sweep(
 
 
 def _run(
-    spec: SweepSpec, out: Path, place: Any, again: tuple[str, ...], redraw: bool, as_json: bool
+    spec: SweepSpec, out: Path, place: Place, again: tuple[str, ...], redraw: bool, as_json: bool
 ) -> int:
     """Compute what is missing, and write the results; return the number of lost folds."""
-    from foldback.planner.sweeps.rows import Rows
-    from foldback.planner.sweeps.run import LOST
-    from foldback.planner.sweeps.sweep import Sweep, write_results
-
-    lost = 0
-    with _bar() as (bar, begin):
-        for row in Sweep.of(spec).rows(out, on=place, again=again, begun=begin):
-            lost += row["verdict"] == LOST
-            bar(bool(row.get("verified")))
-            if as_json:
-                print(json.dumps(row), flush=True)
-    if redraw or _write_players(out):
-        write_results(spec, out, Rows(out).read(), 0, redraw=True)
+    lost = verified = 0
+    start_s = time.monotonic()
+    columns = (
+        *(TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()),
+        *(TextColumn("{task.fields[rate]}"), TimeRemainingColumn()),
+    )
+    with SweepState.opened(spec, out, again) as state:
+        left = state.folds_left()
+        with Progress(*columns, console=Console(stderr=True), disable=not left) as progress:
+            bar = progress.add_task("starting", total=left, rate="")
+            for number, row in enumerate(state.compute(place), 1):
+                lost += row["verdict"] == LOST
+                verified += bool(row.get("verified"))
+                text = f"{verified} verified, {number - verified} not"
+                rate = f"{60 * number / (time.monotonic() - start_s):.0f} folds/min"
+                progress.update(bar, advance=1, description=text, rate=rate)
+                if as_json:
+                    print(json.dumps(row), flush=True)
+        if _write_players(out) or redraw:
+            state.write_results(redraw=True)
     if not as_json:
-        Console(soft_wrap=True, highlight=False).print(f"{out / 'index.html'}", markup=False)
+        Console(soft_wrap=True, highlight=False).print(f"{out / PAGE}", markup=False)
     return lost
 
 
@@ -140,7 +143,7 @@ def _spec(spec: Path | None, values: dict[str, Any]) -> SweepSpec:
         raise InputError("no-spec", "got no spec or two, expected SPEC, or options with --shape.")
     if spec is None:
         return SweepSpec.of(values, Path.cwd())
-    path = spec / "sweep.toml" if spec.is_dir() else spec
+    path = spec / SPEC_FILE if spec.is_dir() else spec
     if not path.is_file():
         raise InputError(
             "no-file",
@@ -187,25 +190,20 @@ def _check_packages() -> None:
 
 def _show_plan(spec: SweepSpec, out: Path) -> None:
     """Print the number of folds, their expected time, and the first ones."""
-    from foldback.planner.sweeps.sweep import SweepState
-
     state = SweepState.of(spec, out)
-    seconds = sum(
-        series.expected_s * sum(series.key(seed) not in state.rows for seed in series.seeds)
-        for series in state.cases.series
-    )
+    seconds = sum(folds.expected_s * len([*state.left(folds)]) for folds in state.series)
+    total = sum(len(folds.seeds) for folds in state.series)
     console = Console(soft_wrap=True, highlight=False)
-    left = state.cases.left(state.rows)
-    console.print(f"{left} of {len(state.cases)} folds, {seconds / 3600:.1f} core hours expected")
-    for case in islice(state.cases.missing(state.rows), LISTED_CASES):
-        columns = {name: value for name, value in case.columns.items() if name in LISTED_COLUMNS}
-        console.print(" ".join(f"{k}={v}" for k, v in columns.items()), markup=False)
+    console.print(
+        f"{state.folds_left()} of {total} folds, {seconds / 3600:.1f} core hours expected"
+    )
+    for case in islice(state.missing(), LISTED_CASES):
+        text = " ".join(f"{name}={case.columns[name]}" for name in LISTED_COLUMNS)
+        console.print(text, markup=False)
 
 
 def _show_status(spec: SweepSpec, out: Path) -> None:
     """Print the number of rows by verdict, and how many folds are left."""
-    from foldback.planner.sweeps.sweep import SweepState
-
     state = SweepState.of(spec, out)
     counts = Counter(
         f"failed: {row['reason']}" if row.get("reason") else str(row["verdict"])
@@ -214,60 +212,12 @@ def _show_status(spec: SweepSpec, out: Path) -> None:
     grid = Table("folds", "verdict", box=None)
     for verdict, count in counts.most_common():
         grid.add_row(str(count), Text(verdict))
-    grid.add_row(str(state.cases.left(state.rows)), "left")
+    grid.add_row(str(state.folds_left()), "left")
     Console().print(grid)
-
-
-def _redraw(spec: SweepSpec, out: Path) -> None:
-    """Draw the map anew from the rows of a directory; compute nothing."""
-    from foldback.planner.sweeps.sweep import SweepState, write_results
-
-    state = SweepState.of(spec, out)
-    write_results(spec, out, state.rows, state.cases.left(state.rows), redraw=True)
-
-
-@contextmanager
-def _bar() -> Generator[tuple[Callable[[bool], None], Callable[[SweepState], None]]]:
-    """Show a bar on standard error; yield functions for each row, and for the beginning."""
-    progress = Progress(
-        TextColumn("{task.fields[note]}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]}"),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-    )
-    bar = progress.add_task("", total=None, note="starting", rate="")
-    counts: Counter[bool] = Counter()
-    start_s = time.monotonic()
-
-    def begin(state: SweepState) -> None:
-        if left := state.cases.left(state.settled):
-            progress.update(bar, total=left)
-            progress.start()
-
-    def advance(verified: bool) -> None:
-        counts[verified] += 1
-        minutes = (time.monotonic() - start_s) / 60
-        progress.update(
-            bar,
-            advance=1,
-            note=f"{counts[True]} verified, {counts[False]} not",
-            rate=f"{counts.total() / minutes:.0f} folds/min",
-        )
-
-    try:
-        yield advance, begin
-    finally:
-        if progress.live.is_started:
-            progress.stop()
 
 
 def _write_players(out: Path) -> bool:
     """Write pages for plans that have none; return True if there are new ones."""
-    from foldback.planner.sweeps.cases import PLANS_DIR
-    from foldback.planner.sweeps.map import PAGE_OF_PLAN, PLAYERS_DIR
-
     plans = [
         plan
         for plan in sorted(out.glob(f"{PLANS_DIR}/*"))

@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, expect
 from foldback.planner.pipeline.packed_fold import unpack
 from foldback.planner.sweeps.case import Row
 from foldback.planner.sweeps.spec import SweepSpec
-from foldback.planner.sweeps.sweep import write_results
+from foldback.planner.sweeps.sweep import SweepState
 from foldback.server.cli.site import site, write_players
 from foldback.server.submission.shipped_folds import SHIPPED_FOLDS_DIR
 from tests.browser.conftest import MEDIA, open_tab
@@ -43,9 +43,10 @@ def _write_sweep(directory: Path, fold: Path) -> None:
     row: Row = {"key": key, "shape": "cube", "seed": 0, "verdict": "verified (simulated)"}
     plan = shutil.copytree(fold, directory / "plans" / key)
     write_players(directory / "players", [plan])
-    spec = SweepSpec.of({"shapes": "cube"}, directory)
+    spec = SweepSpec.of({"shapes": "wrench-24"}, directory)
     method = {"method": "auto", "planner_digest": "a", "verified": True, "simulated": True}
-    write_results(spec, directory, {key: row | method}, 0)
+    with SweepState.opened(spec, directory) as state:
+        state.add(row | method)
 
 
 class Links(HTMLParser):

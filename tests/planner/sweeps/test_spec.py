@@ -7,8 +7,9 @@ import pytest
 import tomli_w
 
 from foldback.planner.errors import InputError
-from foldback.planner.sweeps.cases import SweepCases
+from foldback.planner.sweeps.cases import series_of
 from foldback.planner.sweeps.spec import SweepSpec, bytes_of, seeds_of
+from foldback.planner.sweeps.sweep import SweepState
 from tests.case import case
 from tests.refusal import refused
 
@@ -56,7 +57,7 @@ BAD = (
 
 
 def _cases(tmp_path: Path, **values: Any) -> list[Any]:
-    return list(SweepCases(SweepSpec.of(values, tmp_path), tmp_path).missing({}))
+    return list(SweepState.of(SweepSpec.of(values, tmp_path), tmp_path).missing())
 
 
 def test_spec_gives_every_fold_once(tmp_path: Path) -> None:
@@ -64,7 +65,7 @@ def test_spec_gives_every_fold_once(tmp_path: Path) -> None:
     (tmp_path / "parts" / "bar.json").write_text("[[0,0,0],[1,0,0],[2,0,0]]")
     (tmp_path / "sweep.toml").write_text(SPEC)
     spec = SweepSpec.from_toml(tmp_path / "sweep.toml")
-    cases = list(SweepCases(spec, tmp_path).missing({}))
+    cases = list(SweepState.of(spec, tmp_path).missing())
     rows = [
         (c.columns["shape"], c.columns["method"], c.columns["seed"], c.columns["module_size_pitch"])
         for c in cases
@@ -99,7 +100,7 @@ def test_bad_specs_are_refused_in_a_sentence(tmp_path: Path) -> None:
     for text, match in BAD:
         (tmp_path / "sweep.toml").write_text(text)
         with case(text), pytest.raises(InputError, match=match):
-            SweepCases(SweepSpec.from_toml(tmp_path / "sweep.toml"), tmp_path)
+            series_of(SweepSpec.from_toml(tmp_path / "sweep.toml"))
 
 
 def test_seeds_and_memory() -> None:

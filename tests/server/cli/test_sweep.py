@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 from foldback.planner.sweeps.rows import Rows
+from foldback.planner.sweeps.spec import SweepSpec
+from foldback.planner.sweeps.sweep import SweepState
 from tests.case import case
 from tests.server.cli.test_command_line import foldback
 
@@ -43,11 +45,8 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def _with_row(place: Path) -> None:
-    from foldback.planner.sweeps.cases import SweepCases
-    from foldback.planner.sweeps.spec import SweepSpec
-
     spec = SweepSpec.from_toml(place / "map" / "sweep.toml")
-    (fold,) = SweepCases(spec, place / "map").missing({})
+    (fold,) = SweepState.of(spec, place / "map").missing()
     with Rows(place / "map").writing() as add:
         add({"key": fold.key, **fold.columns, "verdict": "failed: it stalled", "reason": "stalled"})
 
