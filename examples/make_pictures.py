@@ -10,8 +10,6 @@ from functools import partial
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.path import Path
-from foldback.planner.readers import read
 from foldback.planner.readers.gallery import GalleryShape, gallery
 from foldback.web.pictures.isometric_modules import chain_svg
 from foldback.web.pictures.shipped_pictures import ARCHIVE
@@ -28,23 +26,14 @@ def pictures() -> Iterator[tuple[str, Callable[[], bytes]]]:
     for shape in gallery():
         yield f"{shape.name}-{CARD_SIZE}.svg", partial(_svg, shape, CARD_SIZE)
         if shape.name == FEATURED:
-            chain = chain_of(shape)
+            chain = shape.chain
             yield f"{shape.name}-{HERO_SIZE}.svg", partial(_svg, shape, HERO_SIZE)
             yield "featured.png", partial(_png, chain)
             yield "featured.bundle", partial(bundle_of, chain)
 
 
-def chain_of(shape: GalleryShape) -> Chain:
-    """Return the chain of a gallery shape, whose file contains a path or a chain."""
-    contents = read(shape.data, filename=shape.filename)
-    if isinstance(contents, Path):
-        return Chain.from_path(contents)
-    assert isinstance(contents, Chain), f"{shape.name} is a path or a chain"
-    return contents
-
-
 def _svg(shape: GalleryShape, size: int) -> bytes:
-    return chain_svg(chain_of(shape), size=size).encode()
+    return chain_svg(shape.chain, size=size).encode()
 
 
 def _png(chain: Chain) -> bytes:

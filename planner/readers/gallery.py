@@ -10,8 +10,11 @@ from pathlib import Path
 from typing import Final
 
 from foldback.planner.chain.built_in_modules import DEFAULT_MODULE, document_of, words_named
+from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import ModuleWords
+from foldback.planner.chain.path import Path as CellPath
 from foldback.planner.errors import InputError
+from foldback.planner.readers.formats import read
 
 MAX_LISTED_EXAMPLES: Final = 6
 """Maximum number of suitable gallery examples that the error about a wrong kind of module or number
@@ -52,6 +55,15 @@ class GalleryShape:
     def counted(self) -> str:
         """Number of its modules with their kind, for example "160 cubes"."""
         return self.words.counted(self.modules)
+
+    @property
+    def chain(self) -> Chain:
+        """Its chain, read from its file, which contains a path or a chain."""
+        contents = read(self.data, filename=self.filename)
+        if isinstance(contents, CellPath):
+            return Chain.from_path(contents)
+        assert isinstance(contents, Chain), f"{self.name} is a path or a chain"
+        return contents
 
     @property
     def filename(self) -> str:

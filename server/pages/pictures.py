@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import errno
+from functools import lru_cache
+from pathlib import Path
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request
@@ -24,6 +26,8 @@ from foldback.server.processes.children import ChildError
 from foldback.server.store.fold_source import LocatedFold
 from foldback.server.viewing.fold_lookup import find_fold
 from foldback.web.pictures.picture_view import MAX_SHORT_FORM_LENGTH, SHORT_FORM_PATTERN
+from foldback.web.timeline.folding_drawing import folding_drawing
+from foldback.web.timeline.view import TimelineView
 from foldback.words.fold import RUNNING_STATUSES
 from foldback.words.verdict import COMPUTING_VERDICT, PICTURE_VERDICTS
 
@@ -47,6 +51,31 @@ async def drawing_of_fold(request: Request, fold_id: str) -> Response:
 
     svg, over = await asyncio.to_thread(drawn)
     return drawing(svg, "private, max-age=3600" if over else "no-store")
+
+
+@router.get("/folds/{fold_id}/motion.svg")
+async def motion_of_fold(request: Request, fold_id: str) -> Response:
+    """Return the drawing of a finished fold in which its chain folds; 404 without such a motion.
+
+    As for its drawing, a request does not count as a view of the fold.
+    """
+
+    def drawn() -> str:
+        context = context_of(request)
+        row = context.store.fold(fold_id)
+        if not row.over:
+            return ""
+        directory = context.store.folders.shown(row)
+        check(directory, CHAIN, TIMELINE)
+        frames = result_path(directory, TIMELINE)
+        return _motion_in(frames, frames.stat().st_mtime_ns) if frames.exists() else ""
+
+    return drawing(await asyncio.to_thread(drawn), "private, max-age=3600")
+
+
+@lru_cache(maxsize=64)
+def _motion_in(frames: Path, _changed_ns: int) -> str:
+    return folding_drawing(TimelineView(frames))
 
 
 @router.get("/folds/{fold_id}/picture.png")

@@ -29,6 +29,7 @@ from foldback.server.pages.static import ELEMENT
 from foldback.server.store.fold_source import LocatedFold
 from foldback.server.viewing.fold_notes import draft_of, steps_in
 from foldback.web.static_files import STATIC, code_of
+from foldback.web.timeline.folding_drawing import folding_drawing
 from foldback.web.timeline.view import TimelineView
 from foldback.web.viser.client import client
 from foldback.web.viser.standalone import (
@@ -44,6 +45,8 @@ from foldback.words.gallery import CARD_STATUS_LABELS, method_of
 
 SCRIPTS_FILE: Final = "static/foldback.js"
 """File with the scripts of all pages."""
+MOVING_CARDS_SCRIPT: Final = "js/lib/moving_cards.js"
+"""Script that moves the drawings of the gallery's cards; the gallery contains it."""
 VIEW_FILE: Final = "view.html"
 """File with viser's client, which pages of folds show in a frame."""
 FILES: Final = {
@@ -133,11 +136,15 @@ def write_site(
     for fold in folds:
         site.write(f"folds/{fold.row.id}.html", _fold_page(site, fold))
         site.write(f"folds/{fold.row.id}.svg", drawing_in(fold.directory))
+        timeline = TimelineView(result_path(fold.directory, TIMELINE))
+        if moving := folding_drawing(timeline):
+            site.write(f"folds/{fold.row.id}/motion.svg", moving)
     gallery = site.rendered(
         "site.html",
         finished=[fold.row for fold in folds],
         statuses=CARD_STATUS_LABELS,
         method_of=method_of,
+        moving_cards=Markup(code_of(MOVING_CARDS_SCRIPT)),
         sweeps=sweeps,
     )
     site.write("index.html", gallery)

@@ -27,6 +27,16 @@ def test_slider_folds_the_chain_and_ends_the_animation(visit: Visit) -> None:
     page.get_by_role("button", name="Play the animation").click()
     page.wait_for_function(PLAYING)
 
+    # A card moves while it is pointed at.
+    card = page.locator("[data-shape=wrench-24]")
+    card.hover()
+    moving = card.locator("img:visible[src$='/shapes/wrench-24/motion.svg']")
+    expect(moving).to_have_count(1)
+    expect(card.locator("img:visible")).to_have_count(1)
+    page.mouse.move(5, 5)
+    expect(card.locator("img")).to_have_count(1)
+    expect(card.locator("img:visible")).to_have_count(1)
+
 
 def test_nothing_moves_on_the_landing_page_with_reduced_motion(visit: Visit) -> None:
     page = visit("/")
@@ -36,3 +46,6 @@ def test_nothing_moves_on_the_landing_page_with_reduced_motion(visit: Visit) -> 
     assert not page.evaluate(PLAYING)
     slider.press("Home")
     page.wait_for_function(f"() => ({FOLDED})() < 0.01")
+    page.locator("[data-shape=wrench-24]").hover()
+    page.wait_for_timeout(300)  # longer than a card is pointed at before it moves
+    expect(page.locator("[data-shape=wrench-24] img")).to_have_count(1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from html import escape
 from itertools import pairwise
 from typing import Final
@@ -46,6 +47,31 @@ FACE_COLOURS: Final = {
 VISIBLE_SIDES: Final = ("left", "right", "top")
 
 
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """Content of a drawing.
+
+    Attributes:
+        body: Elements of an SVG file.
+        box: Left edge, top edge, width and height of the drawn part: the ``viewBox`` of the file.
+    """
+
+    body: str
+    box: str
+
+    def svg(self, *, size: int, title: str | None = None) -> str:
+        """Return the SVG file; without a title it is hidden from screen readers."""
+        name = (
+            f'role="img" aria-label="{escape(title)}"><title>{escape(title)}</title>'
+            if title
+            else 'aria-hidden="true">'
+        )
+        return (
+            f'<svg xmlns="http://www.w3.org/2000/svg" class="iso" width="{size}" height="{size}" '
+            f'viewBox="{self.box}" stroke-linejoin="round" {name}{self.body}</svg>'
+        )
+
+
 def isometric_svg(
     cells: ArrayLike,
     *,
@@ -66,6 +92,11 @@ def isometric_svg(
     Returns:
         One ``<svg>`` element, with a class ``iso-…`` on each tone.
     """
+    return isometric_drawing(cells, odd=odd, added=added).svg(size=size, title=title)
+
+
+def isometric_drawing(cells: ArrayLike, *, odd: ArrayLike = (), added: ArrayLike = ()) -> Drawing:
+    """Return the content of ``isometric_svg``."""
     order, added_order = _turned(cells), _turned(added)
     marks = dict.fromkeys(_turned(odd), "odd-") | dict.fromkeys(added_order, "added-")
     layers: dict[int, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
@@ -83,26 +114,13 @@ def isometric_svg(
         for tone in FACE_COLOURS
         if tone in layers[layer]
     )
-    return svg_of(drawn, box=_view_box(corners), size=size, title=title)
+    return Drawing(drawn, _view_box(corners))
 
 
 def _turned(cells: ArrayLike) -> list[Cell]:
     """Return cells in the frame of drawings."""
     turned = np.asarray(cells, dtype=np.int64).reshape(-1, 3) @ QUARTER_TURN.T
     return [(x, y, z) for x, y, z in turned.tolist()]
-
-
-def svg_of(drawn: str, *, box: str, size: int, title: str | None) -> str:
-    """Return a drawing as an SVG file; without a title it is hidden from screen readers."""
-    name = (
-        f'role="img" aria-label="{escape(title)}"><title>{escape(title)}</title>'
-        if title
-        else 'aria-hidden="true">'
-    )
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" class="iso" width="{size}" height="{size}" '
-        f'viewBox="{box}" stroke-linejoin="round" {name}{drawn}</svg>'
-    )
 
 
 def _stroke(tone: str) -> str:

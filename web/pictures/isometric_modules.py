@@ -13,11 +13,13 @@ from foldback.planner.chain.corners import placed_faces
 from foldback.planner.chain.module import Module
 from foldback.web.palette import own_colours
 from foldback.web.pictures.isometric import (
+    COSINE,
     DRAWING_MARGIN_PITCH,
     PITCH_UNITS,
     QUARTER_TURN,
-    isometric_svg,
-    svg_of,
+    SINE,
+    Drawing,
+    isometric_drawing,
 )
 
 Array = NDArray[np.float64]
@@ -38,6 +40,8 @@ DARKEST, BRIGHTEST = (112, 124, 140), (240, 242, 245)
 DIMMEST_SHARE: Final = 0.5
 """Fraction of a module's own colour that a face turned away from the light keeps."""
 SEAM_COLOUR: Final = "#646d79"
+MODULE_PITCH_UNITS: Final = PITCH_UNITS / 2.0
+"""Length of one pitch in drawings of modules that do not fill a cell, in user units."""
 TONE_STEPS: Final = 12
 """Number of steps of the brightness of faces in an isometric drawing."""
 
@@ -50,43 +54,38 @@ def chain_svg(chain: Chain, *, size: int = 320, title: str | None = None) -> str
         size: Width and height in CSS pixels; the drawing scales.
         title: Text for screen readers; without one the drawing counts as decoration.
     """
+    return chain_drawing(chain).svg(size=size, title=title)
+
+
+def chain_drawing(chain: Chain) -> Drawing:
+    """Return the content of ``chain_svg``."""
     poses = chain.folded_poses
-    return modules_svg(chain.module, poses.positions, poses.rotations, size=size, title=title)
+    return modules_drawing(chain.module, poses.positions, poses.rotations)
 
 
-def modules_svg(
-    module: Module,
-    positions: Array,
-    rotations: Array,
-    *,
-    size: int = 320,
-    title: str | None = None,
-) -> str:
+def modules_drawing(module: Module, positions: Array, rotations: Array) -> Drawing:
     """Draw modules in given poses, as ``chain_svg`` does.
 
     Args:
         module: Kind of the modules.
         positions: (n, 3) centres of the modules, pitches.
         rotations: (n, 3, 3) orientations of the modules.
-        size: Width and height in CSS pixels; the drawing scales.
-        title: Text for screen readers; without one the drawing counts as decoration.
     """
     if module.fills_cell:
-        return isometric_svg(np.rint(positions).astype(np.int64), size=size, title=title)
+        return isometric_drawing(np.rint(positions).astype(np.int64))
     positions, rotations = positions @ QUARTER_TURN.T, QUARTER_TURN @ rotations
     faces = placed_faces(module, positions, rotations, np.arange(len(positions)))
     # Faces that two modules share are not drawn.
     visible = np.flatnonzero((faces.normals @ EYE_DIRECTION > 1e-6) & faces.outer())
     visible = visible[np.argsort(faces.middles[visible] @ EYE_DIRECTION, kind="stable")]
     colours = own_colours(module, len(positions))
-    unit = PITCH_UNITS / 2.0
     outlines: list[Array] = []
     drawn: list[str] = []
     for k in visible.tolist():
         corners, middle = faces.corners[k], faces.middles[k]
-        outlines.append(_project(corners) * unit)
+        outlines.append(_project(corners) * MODULE_PITCH_UNITS)
         # The rest appears as a dark seam.
-        inner = _project(middle + 0.94 * (corners - middle)) * unit
+        inner = _project(middle + 0.94 * (corners - middle)) * MODULE_PITCH_UNITS
         colour = colours[faces.modules[k]] if module.colours else None
         drawn.append(
             f'<path fill="{SEAM_COLOUR}" d="{_path(outlines[-1])}"/>'
@@ -94,9 +93,18 @@ def modules_svg(
         )
     flat = np.concatenate(outlines)
     low, high = flat.min(axis=0), flat.max(axis=0)
-    margin = DRAWING_MARGIN_PITCH * unit
+    margin = DRAWING_MARGIN_PITCH * MODULE_PITCH_UNITS
     box = " ".join(f"{v:.1f}" for v in (*(low - margin), *(high - low + 2 * margin)))
-    return svg_of("".join(drawn), box=box, size=size, title=title)
+    return Drawing("".join(drawn), box)
+
+
+def projected(module: Module, points: Array) -> Array:
+    """Return (…, 2) user units of a drawing of modules where (…, 3) points appear, in pitches."""
+    turned = points @ QUARTER_TURN.T
+    if not module.fills_cell:
+        return _project(turned) * MODULE_PITCH_UNITS
+    x, y, z = np.moveaxis(turned, -1, 0)
+    return np.stack([(y - x) * COSINE, (x + y) * SINE - z], axis=-1) * PITCH_UNITS
 
 
 def _project(points: Array) -> Array:

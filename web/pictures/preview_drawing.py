@@ -10,7 +10,7 @@ import numpy as np
 from foldback.planner.chain.built_in_modules import module_of
 from foldback.planner.chain.rotations import matrix_from_wxyz
 from foldback.web.pictures.isometric import isometric_svg
-from foldback.web.pictures.isometric_modules import modules_svg
+from foldback.web.pictures.isometric_modules import modules_drawing
 
 MAX_DRAWN_CUBES: Final = 20_000
 """Maximum number of cubes in the drawing of an uploaded shape; larger shapes have no drawing.
@@ -38,7 +38,7 @@ def preview_svg(report: Mapping[str, Any], added: Sequence[Sequence[int]] = ()) 
         if len(positions) > 4_000:
             return None
         rotations = matrix_from_wxyz(np.asarray(report["wxyzs"], dtype=np.float64))
-        return modules_svg(module, positions, rotations, size=DRAWING_SIZE_PX)
+        return modules_drawing(module, positions, rotations).svg(size=DRAWING_SIZE_PX)
     cells = np.asarray(report["cells"], dtype=np.int64).reshape(-1, 3)
     if not 0 < len(cells) <= MAX_DRAWN_CUBES:
         return None

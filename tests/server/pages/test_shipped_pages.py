@@ -26,12 +26,13 @@ with TestClient(app, base_url="http://127.0.0.1:8000") as client:
     assert context.store.fold(first).status == "verified" and not context.store.waiting()
     pages = [page for page in routes.pages() if page != "/compare"]  # which needs two folds
     pages += ["/featured/bundle", "/featured/batch", "/featured/picture.png"]
-    pages += ["/shapes/cat.svg", "/shapes/tetra-ring.svg"]
+    pages += ["/shapes/cat.svg", "/shapes/tetra-ring.svg", "/shapes/cat/motion.svg"]
     for row in context.store.list_public():
         page, api = f"/folds/{row.id}", f"/api/folds/{row.id}"
         assert "Included with foldback, computed with version" in client.get(page).text
-        pages += [page, f"{page}/facts", f"{page}/drawing.svg", f"{page}/bundle", api]
-        pages += [f"{page}/batch?from=0&to=50", f"{page}/figures", f"{api}/frames?to=5&poses=true"]
+        pages += [page, f"{page}/facts", f"{page}/drawing.svg", f"{page}/motion.svg", api]
+        pages += [f"{page}/bundle", f"{page}/batch?from=0&to=50", f"{page}/figures"]
+        pages += [f"{api}/frames?to=5&poses=true"]
         pages += [f"{api}/plan.json", f"{api}/plan.npz", f"{api}/exports"]
         if row.modules < 100:  # what is made for the occasion takes seconds for the longest chain
             pages += [f"{api}/model.xml", f"{page}/standalone.html"]

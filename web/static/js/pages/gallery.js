@@ -78,3 +78,5 @@ for (const card of /** @type {NodeListOf<HTMLElement>} */ (
     if (get("message").textContent) get("message").scrollIntoView({ block: "center" });
   };
 }
+for (const name of ["pointerover", "focusin"])
+  addEventListener(name, () => import("../lib/moving_cards.js"), { once: true });

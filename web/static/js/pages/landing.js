@@ -194,3 +194,5 @@ for (const card of /** @type {NodeListOf<HTMLElement>} */ (
     card.removeAttribute("aria-busy");
   };
 }
+for (const name of ["pointerover", "focusin"])
+  addEventListener(name, () => import("../lib/moving_cards.js"), { once: true });

@@ -1,5 +1,6 @@
 // The animated fold on the landing page: it plays until a visitor drags its slider.
 import { get } from "../lib/text.js";
+import { USUAL_COLOURING } from "./colours.js";
 import { playerIn } from "./player.js";
 
 const SPEED = 1.6;
@@ -20,7 +21,7 @@ const KEY_STEPS = {
  * @param {{ calm: boolean }} visitor
  */
 export function playHero(hero, canvas, { calm }) {
-  const player = playerIn(hero, canvas);
+  const player = playerIn(hero, canvas, USUAL_COLOURING);
   // Motion that starts by itself needs a way to stop it (WCAG 2.2.2).
   const button = get("hero-pause");
   const slider = get("hero-folded");

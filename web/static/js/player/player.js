@@ -373,10 +373,11 @@ export class Player extends PlayerState {
 /**
  * @param {HTMLElement} part
  * @param {HTMLCanvasElement} canvas
+ * @param {string} usual colouring; by default that of the pictures of the paper's experiments
  */
-export function playerIn(part, canvas) {
+export function playerIn(part, canvas, usual = "error") {
   const player = new Player(new Timeline(new Recording(part.dataset.timeline ?? "")), {
-    usual: "error", // as in the picture that it replaces
+    usual,
     sketch: new Sketch(canvas, () => part.classList.add("moving")),
     aspect: () => canvas.clientWidth / Math.max(1, canvas.clientHeight),
   });
