@@ -18,7 +18,7 @@ from foldback.planner.pipeline.stages import run_stage
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.shape_writers import write_chain
 from foldback.planner.progress import STAGES
-from foldback.words.smoothing import smoothing_note, smoothing_rows
+from foldback.words.smoothing import smoothing_gain, smoothing_note, smoothing_rows
 
 
 @takes(
@@ -62,4 +62,6 @@ def compare(summary: dict[str, Any]) -> None:
         table.add_row(row["label"], row["before"], row["after"], row["ratio"])
     Console().print()
     Console().print(table)
-    Console().print(smoothing_note(smoothing))
+    for text in (smoothing_gain(smoothing), smoothing_note(smoothing)):
+        if text is not None:
+            Console(highlight=False).print(text, markup=False, soft_wrap=True)

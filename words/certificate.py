@@ -57,12 +57,7 @@ CLEARANCES: Final = (
     "min_clearance_playback",
     "min_clearance_record",
 )
-MOTION_FIGURES: Final = (
-    "rms_position_error",
-    "max_joint_step_rad",
-    "hinges_moving_mean",
-    "hinges_moving_most",
-)
+PLAYBACK_FIGURES: Final = ("rms_position_error", "max_joint_step_rad")
 
 
 def verdict_words(certificate: CertificateFigures, reader: Reader = PEOPLE) -> str:
@@ -104,8 +99,8 @@ def clearance(certificate: CertificateFigures) -> str | None:
 
 
 def rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
-    """Return the figures of a motion as labels and values."""
-    return [*main_rows(certificate), *further_rows(certificate)]
+    """Return the figures of a plan as labels and values."""
+    return [*main_rows(certificate), *further_rows(certificate), *motion_rows(certificate)]
 
 
 def main_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
@@ -120,19 +115,18 @@ def main_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
 
 
 def further_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
-    """Return all figures besides ``main_rows``."""
+    """Return all figures besides ``main_rows`` and ``motion_rows``."""
     return [
         *(_row(certificate, name) for name in CLEARANCES),
         (label_of("robots"), robots(certificate)),
         (label_of("mujoco_robot"), robot_in_mujoco(certificate)),
         *margin_rows(certificate),
-        *(_row(certificate, name) for name in MOTION_FIGURES),
-        *_motion_rows(certificate),
+        *(_row(certificate, name) for name in PLAYBACK_FIGURES),
     ]
 
 
-def _motion_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
-    """Return how far the hinges travel, and how often they turn back."""
+def motion_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
+    """Return how far the hinges travel, how often they turn back, and how many move at once."""
     travel, reversals = certificate.get("travel_ratio"), certificate.get("reversals_mean")
     count, largest = certificate.get("detours"), certificate.get("largest_detour_rad")
     travel_words = None if travel is None else f"{travel:.2f} times the least possible"
@@ -143,6 +137,8 @@ def _motion_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]
         (label_of("travel_ratio"), travel_words),
         (label_of("reversals_mean"), quantity(reversals, "", CERTIFICATE_DIGITS)),
         (label_of("detours"), detours),
+        _row(certificate, "hinges_moving_mean"),
+        _row(certificate, "hinges_moving_most"),
     ]
 
 

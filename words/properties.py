@@ -211,6 +211,7 @@ def properties(
         (SUMMARY_HEADING, fold.summary_rows()),
         ("Fold", fold.fold_rows()),
         ("Changed settings", [*changed(row.preset, row.settings)]),
+        ("Motion", [*certificate_words.motion_rows(fold.certificate)]),
         ("Certificate", fold.certificate_rows()),
         ("Computation", fold.computation_rows()),
         *[

@@ -1,4 +1,4 @@
-"""Smoothed plans in words: figures before and after, and the limit of smoothing."""
+"""Smoothed plans in words: what smoothing will do, what it did, and its limit."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ from foldback.planner.certificate.figures import SmoothingFigures
 from foldback.planner.smoothing import RECORDED, SOFTENED
 from foldback.words.certificate import label_of
 from foldback.words.quantities import number, quantity
+from foldback.words.suggestions import about
 
 SMOOTHING_FIGURES: Final[dict[str, tuple[str, str, int]]] = {
     "frames": (label_of("frames"), "", 3),
     "fold_time_s": (label_of("fold_time_s"), "s", 3),
     "length_rad": ("Path length of the motion", "rad", 3),
+    "travel_ratio": (f"{label_of('travel_ratio')}, times the least possible", "", 3),
+    "reversals_mean": (label_of("reversals_mean"), "", 2),
     "hinges_moving_mean": (label_of("hinges_moving_mean"), "", 3),
     "hinges_moving_most": (label_of("hinges_moving_most"), "", 3),
     "peak_speed_rad_s": ("Highest hinge speed", "rad/s", 2),
@@ -23,12 +26,25 @@ SMOOTHING_FIGURES: Final[dict[str, tuple[str, str, int]]] = {
 }
 """Label, unit and number of significant digits of each figure of a plan that is compared before and
 after its smoothing."""
+SMOOTHING_AIMS: Final = {
+    False: "foldback looks for a motion with shorter paths, fewer turns back and forth and less "
+    "torque, and proves it free of collisions.",
+    True: "The hinges of this fold already turn straight to their goals, a few at a time. "
+    "Smoothing lets them start and stop more softly, which needs less torque but more time.",
+}
+"""What smoothing does to a fold, by whether its motion consists of turns."""
+ROUNDED_SECONDS: Final = (5, 10, 20, 30, 45)
+"""Seconds to which expected times of smoothing are rounded up."""
 SMOOTHING_NOTES: Final = {
     SOFTENED: "The motion was smoothed only a little: more smoothing would have left too little "
     "clearance.",
     RECORDED: "Only the timing of the motion is new: the shorter paths that were tried leave too "
     "little clearance.",
 }
+
+
+MIN_COMPARED_REVERSALS: Final = 0.05
+"""Mean number of reversals of a hinge below which a motion counts as one without reversals."""
 
 
 class BeforeAfter(TypedDict):
@@ -42,17 +58,86 @@ class BeforeAfter(TypedDict):
 
 def smoothing_rows(smoothing: SmoothingFigures) -> list[BeforeAfter]:
     """Return figures of a plan before and after smoothing; none when smoothing changed nothing."""
-    before, after = smoothing["before"], smoothing["after"] or {}
-    return [
-        {
-            "label": label,
-            "before": str(quantity(before[key], unit, digits)),
-            "after": str(quantity(after[key], unit, digits)),
-            "ratio": f"× {after[key] / before[key]:.2f}" if before[key] else "",
-        }
-        for key, (label, unit, digits) in SMOOTHING_FIGURES.items()
-        if key in after
-    ]
+    rows: list[BeforeAfter] = []
+    for key, (label, unit, digits) in SMOOTHING_FIGURES.items():
+        before, after = _figures(smoothing, key)
+        if before is None or after is None:
+            continue
+        rows.append(
+            {
+                "label": label,
+                "before": str(quantity(before, unit, digits)),
+                "after": str(quantity(after, unit, digits)),
+                "ratio": f"× {after / before:.2f}" if before else "",
+            }
+        )
+    return rows
+
+
+def smoothing_question(seconds: float, *, by_turns: bool) -> str:
+    """Return what smoothing a fold will do, for people who are about to start it.
+
+    Args:
+        seconds: Expected duration, s.
+        by_turns: True if the fold's motion consists of turns.
+    """
+    rounded = next((step for step in ROUNDED_SECONDS if seconds <= step), None)
+    time = about(seconds) if rounded is None else f"about {rounded} s"
+    return (
+        f"{SMOOTHING_AIMS[by_turns]} This takes {time}. It keeps this fold: the smoothed one "
+        "becomes a fold of its own, and you can compare both."
+    )
+
+
+def smoothing_gain(smoothing: SmoothingFigures) -> str | None:
+    """Return by how much smoothing changed travel, reversals and torque, as one sentence.
+
+    None if nothing was smoothed, or if an earlier version did it.
+    """
+    travel, new_travel = _figures(smoothing, "travel_ratio")
+    reversals, new_reversals = _figures(smoothing, "reversals_mean")
+    torque, new_torque = _figures(smoothing, "peak_torque_nm")
+    if travel is None or new_travel is None or reversals is None or new_reversals is None:
+        return None
+    if f"{travel:.2f}" == f"{new_travel:.2f}":
+        parts = [f"Travel stays at {travel:.2f} times the least"]
+    else:
+        parts = [f"Travel {travel:.2f} → {new_travel:.2f} times the least"]
+    if reversals >= MIN_COMPARED_REVERSALS:
+        change = _change(reversals, new_reversals, ("fewer", "more"), same="as many")
+        parts.append(f"{change} turns back and forth")
+    elif new_reversals >= MIN_COMPARED_REVERSALS:
+        count = number(new_reversals, 2)
+        parts.append(f"{count} turns back and forth of each hinge instead of none")
+    if torque and new_torque:
+        parts.append(f"{_change(torque, new_torque)} torque in the same time")
+    return "; ".join(parts) + "."
+
+
+def smoothing_label(smoothing: SmoothingFigures) -> str | None:
+    """Return the largest gain of smoothing in a few words; None if there is none."""
+    for key, noun in (("travel_ratio", "travel"), ("peak_torque_nm", "torque")):
+        before, after = _figures(smoothing, key)
+        if before and after and after < 0.99 * before:
+            return f"smoothed: {_change(before, after)} {noun}"
+    return None
+
+
+def _figures(smoothing: SmoothingFigures, key: str) -> tuple[float | None, float | None]:
+    """Return a figure before and after smoothing; None where it is unknown."""
+    return smoothing["before"].get(key), (smoothing["after"] or {}).get(key)
+
+
+def _change(
+    before: float,
+    after: float,
+    comparatives: tuple[str, str] = ("less", "more"),
+    *,
+    same: str = "as much",
+) -> str:
+    """Return a relative change in words: ``40 % less``, ``as much``."""
+    percent = round(100.0 * (after / before - 1.0))
+    return f"{abs(percent)} % {comparatives[percent > 0]}" if percent else same
 
 
 def smoothing_note(smoothing: SmoothingFigures) -> str:

@@ -14,6 +14,7 @@ from foldback.words.fold import ShownFold
 from foldback.words.plan_choice import Choice, superlative
 from foldback.words.quantities import PRESET_LABELS, sentence
 from foldback.words.settings import in_a_line
+from foldback.words.smoothing import smoothing_label
 
 COVER_LOADING: Final = "Loading the view"
 COVER_WAITING: Final = "Waiting for the first frame"
@@ -61,6 +62,8 @@ def verdict_of(
         strategy = (summary.get("explosion") or {}).get("strategy")
         headline = certificate_words.headline(certificate) or "verified"
         best = choice and superlative(choice["prefer"], len(choice["plans"]))
+        if smoothing := summary.get("smoothing"):
+            best = smoothing_label(smoothing)
         baseline = certificate_words.baseline(strategy)
         return _verdict("good", sentence(headline), baseline, best, modules)
     if row.status == "failed":

@@ -462,8 +462,8 @@ class SmoothingFigures(TypedDict):
 
     way: str
     seconds: float
-    before: dict[str, float]
-    after: dict[str, float] | None
+    before: dict[str, float | None]
+    after: dict[str, float | None] | None
 
 
 class ComparedFigures(TypedDict):

@@ -38,3 +38,11 @@ def expected_seconds(
     if modules > LONG_CHAIN:
         return 2.0 + 0.012 * modules
     return 1.0 + 0.006 * modules + 1.4 * (modules / 160.0) ** 2.6
+
+
+def smoothing_seconds(modules: int) -> float:
+    """Estimate the duration of smoothing a motion, s, without playback and certificate.
+
+    Measured: docs/decisions/0016-smoothing.md.
+    """
+    return 2.0 + 0.03 * modules

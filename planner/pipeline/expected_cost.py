@@ -18,7 +18,7 @@ from foldback.planner.parameters.explosion import MUJOCO
 from foldback.planner.parameters.parameters import FLOATING, Parameters
 from foldback.planner.parameters.playback import PUBLISHED_PLAYBACK, PlaybackParameters
 from foldback.planner.parameters.published import PaperExplosionParameters
-from foldback.planner.pathfinding.expected_duration import expected_seconds
+from foldback.planner.pathfinding.expected_duration import expected_seconds, smoothing_seconds
 from foldback.planner.pipeline.preference import COMPUTING
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.playback.robot_runs import mujoco_seconds
@@ -174,7 +174,9 @@ def _ours(modules: int, request: FoldRequest, parameters: Parameters) -> Expecte
         )
         remedy = "Use fewer modules, or the 'floating' world."
     strategy = request.strategy
-    if strategy in COSTS_INTERLOCKED and not request.smooth:
+    if request.smooth:
+        expected_s += smoothing_seconds(modules)
+    elif strategy in COSTS_INTERLOCKED:
         expected_s += COSTS_INTERLOCKED[strategy].of(modules)
         if (
             lower_bound_s := LOWER_BOUND_FRACTION * COSTS_IN_LAYERS[strategy].of(modules)

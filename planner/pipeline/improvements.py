@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from foldback.planner.parameters.parameters import TURNS
-from foldback.planner.pathfinding.expected_duration import MAX_IMPROVING_S
+from foldback.planner.pathfinding.expected_duration import MAX_IMPROVING_S, smoothing_seconds
 from foldback.planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, AttemptSpec
 from foldback.planner.pipeline.preference import CALM, COMPUTING, Preference
 from foldback.planner.pipeline.request import MAX_SEED
@@ -151,4 +151,4 @@ def expected_seconds_of(spec: AttemptSpec, modules: int) -> float:
     together = 1.0 + 0.006 * modules + 1.4 * (modules / 160.0) ** 2.1
     if spec.strategy == "blocks":  # two dozen at most: their cost grows with the chain alone
         return min(together, 2.0 + 0.06 * modules)
-    return together + 2.0 + 0.03 * modules if spec.strategy in SMOOTHING_WAYS else together
+    return together + (smoothing_seconds(modules) if spec.strategy in SMOOTHING_WAYS else 0.0)

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from foldback.planner.arrays import Array
+from foldback.planner.certificate.motion_figures import MotionFigures
 from foldback.planner.chain.chain import Chain
 from foldback.planner.plan.plan import Plan
 from foldback.planner.playback.reference_curve import record_lengths
@@ -26,6 +27,9 @@ class Quality:
         fold_time_s: Time that it takes at the certificate's bound of joint speed.
         length_rad: Arc length of the motion, see
             ``planner.playback.reference_curve.record_lengths``.
+        travel_ratio: Travel of all hinges relative to the least possible, see ``MotionFigures``;
+            None if hardly anything has to move.
+        reversals_mean: Mean number of changes of direction of a hinge, see ``MotionFigures``.
         hinges_moving_mean, hinges_moving_most: Number of hinges that move at the same time.
         peak_speed_rad_s: Largest speed of a hinge.
         peak_torque_nm: Largest torque of a hinge, floating, without gravity.
@@ -38,6 +42,8 @@ class Quality:
     frames: int
     fold_time_s: float
     length_rad: float
+    travel_ratio: float | None
+    reversals_mean: float
     hinges_moving_mean: float
     hinges_moving_most: int
     peak_speed_rad_s: float
@@ -56,6 +62,8 @@ class Quality:
         assert certificate.hinges_moving_most is not None
         assert certificate.min_clearance is not None
         angles = plan.joint_angles_rad
+        hinges = MotionFigures.of(plan.chain, plan.motion)
+        assert hinges is not None, "plans of so many frames are not smoothed"
         times = plan.time_s * (seconds / max(float(plan.time_s[-1]), 1e-12))
         ways = _tail_ways(plan.chain, angles)
         moments = np.maximum(np.diff(times), 1e-12)[:, None]
@@ -63,6 +71,8 @@ class Quality:
             frames=len(angles),
             fold_time_s=certificate.fold_time_s,
             length_rad=float(record_lengths(plan.chain, angles, DISTANCE_WEIGHT)[-1]),
+            travel_ratio=hinges.travel_ratio,
+            reversals_mean=hinges.reversals_mean,
             hinges_moving_mean=certificate.hinges_moving_mean,
             hinges_moving_most=certificate.hinges_moving_most,
             peak_speed_rad_s=certificate.joint_speed_limit_rad_s

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, Literal, NotRequired, TypedDict, cast
@@ -31,10 +30,10 @@ from foldback.server.errors import MOTION_FILES, damage_words
 from foldback.server.pages.table_check import ruled_out_on_table
 from foldback.server.processes.movie_task import movie_formats
 from foldback.server.schemas import export_href
-from foldback.server.store.estimates import expected_of_cost, plain_fold
+from foldback.server.store.estimates import Expected, expected_of_cost, plain_fold
 from foldback.server.store.fold_files import frames_promised
 from foldback.server.store.fold_source import LocatedFold
-from foldback.server.store.schema import FoldRow, request_of
+from foldback.server.store.schema import request_of
 from foldback.server.viewing.fold_notes import full_size_of
 from foldback.words import certificate as certificate_words
 from foldback.words.certificate import TableWords
@@ -43,7 +42,13 @@ from foldback.words.fold import RUNNING_STATUSES, ShownFold, has_motion, step_co
 from foldback.words.plan_choice import Choice, choice_of
 from foldback.words.properties import Properties, properties
 from foldback.words.reachability import FullSize
-from foldback.words.smoothing import BeforeAfter, smoothing_note, smoothing_rows
+from foldback.words.smoothing import (
+    BeforeAfter,
+    smoothing_gain,
+    smoothing_note,
+    smoothing_question,
+    smoothing_rows,
+)
 from foldback.words.suggestions import (
     AGAIN_LABELS,
     EXPLOSION,
@@ -100,6 +105,7 @@ class Smoothing(TypedDict):
     """Changes by smoothing, and a link to both plans side by side."""
 
     rows: list[BeforeAfter]
+    gain: str | None
     note: str
     compare: str | None
 
@@ -133,7 +139,7 @@ class FoldFacts(TypedDict):
     steps: int
     refoldable: bool
     refold: Form
-    smoothable: bool
+    smooth_question: str | None
     smoothing: Smoothing | None
     comparable: bool
     compare: list[Suggestion]
@@ -158,18 +164,13 @@ def script_facts(facts: FoldFacts) -> dict[str, object]:
     return {name: facts[name] for name in SCRIPT_FACTS}
 
 
-def takes_by_cost(row: FoldRow) -> str:
-    """Return the expected time of a fold in words, estimated from the planner's cost."""
-    return about(expected_of_cost(row))
-
-
 def fold_facts(
     located: LocatedFold,
     *,
     api: bool = True,
     embed: bool = False,
     lifetime_text: str | None = None,
-    takes: Callable[[FoldRow], str] = takes_by_cost,
+    expected: Expected = expected_of_cost,
 ) -> FoldFacts:
     """Return everything that the page shows besides the timeline, as JSON values.
 
@@ -178,7 +179,7 @@ def fold_facts(
         api: True if the service's API is available for downloads and events.
         embed: True if other sites may embed folds in a frame.
         lifetime_text: Visibility and expiry of the fold in words.
-        takes: Returns the estimated time of another fold that is offered, in words.
+        expected: Returns the estimated time of another fold that is offered, s.
     """
     row, directory = located.row, located.directory
     api = api and located.alternative_to is None
@@ -208,12 +209,12 @@ def fold_facts(
         "steps": 0 if running else step_count(summary),
         "refoldable": api and row.status == "verified" and row.world == FLOATING,
         "refold": _published(row),
-        "smoothable": api and _smoothable(row, summary),
+        "smooth_question": _smooth_question(row, summary, expected) if api else None,
         "smoothing": _smoothing(located if api else None, summary),
         "comparable": api and not running,
         "options": _options(row) if api and not running else None,
         "alternative_to": located.alternative_to,
-        "compare": _compare(located, takes) if api and not running else [],
+        "compare": _compare(located, expected) if api and not running else [],
         "embed": f"/embed/{row.id}" if embed else None,
         "kept": lifetime_text,
         "made": origin_of(summary),
@@ -271,7 +272,8 @@ def _with_damage(facts: FoldFacts, damaged: list[str]) -> FoldFacts:
     if any(name in MOTION_FILES for name in damaged):
         changed["frames"], changed["tightest"], changed["steps"] = 0, None, 0
         changed["editable"] = changed["robot"] = False
-        changed["refoldable"] = changed["smoothable"] = changed["comparable"] = False
+        changed["refoldable"] = changed["comparable"] = False
+        changed["smooth_question"] = None
         changed["files"], changed["downloads"], changed["compare"] = [], [], []
         changed["movies"] = []
         changed["checkable"] = False
@@ -321,7 +323,7 @@ def _options(row: ShownFold) -> Literal["all", "owner"] | None:
     return "all" if row.shape else "owner"
 
 
-def _compare(located: LocatedFold, takes: Callable[[FoldRow], str]) -> list[Suggestion]:
+def _compare(located: LocatedFold, expected: Expected) -> list[Suggestion]:
     """Return the labels and forms of the buttons that fold the same input by another method."""
     row = located.row
     plain = FoldRequest(seed=row.seed, module_size=row.module_size)
@@ -335,11 +337,11 @@ def _compare(located: LocatedFold, takes: Callable[[FoldRow], str]) -> list[Sugg
     if row.world != FLOATING:
         floating = replace(plain, settings=_floating_settings(row.settings))
         return [_suggestion(FLOATING_FOLD, _form(row, floating, "settings")), another]
-    return [*_other_methods(located, plain, takes), another]
+    return [*_other_methods(located, plain, expected), another]
 
 
 def _other_methods(
-    located: LocatedFold, plain: FoldRequest, takes: Callable[[FoldRow], str]
+    located: LocatedFold, plain: FoldRequest, expected: Expected
 ) -> list[Suggestion]:
     """Return the suggestions for a fold without a table: table, preference and presets.
 
@@ -350,7 +352,7 @@ def _other_methods(
     cube = FoldRequest(module=row.module)
 
     def time(request: FoldRequest) -> str:
-        return takes(plain_fold(row.modules, request))
+        return about(expected(plain_fold(row.modules, request)))
 
     suggestions: list[Suggestion] = []
     if row.preset == plain.preset:
@@ -403,17 +405,21 @@ def _on_table(row: ShownFold, directory: Path) -> TableRecord | None:
         return None
 
 
-def _smoothable(row: ShownFold, summary: FoldSummary) -> bool:
-    """Return True if a plan can be smoothed: it is not smoothed yet, and not too long."""
+def _smooth_question(row: ShownFold, summary: FoldSummary, expected: Expected) -> str | None:
+    """Return the question before a plan is smoothed; None if it is smoothed already or too long."""
     if (
         row.status != "verified"
         or row.world != FLOATING
         or summary.get("refold")
         or summary.get("smoothing")
     ):
-        return False
+        return None
     frames = (summary.get("explosion") or {}).get("frames") or 0
-    return frames * int(summary.get("hinges") or 0) <= MAX_SMOOTHED_ANGLES
+    if frames * int(summary.get("hinges") or 0) > MAX_SMOOTHED_ANGLES:
+        return None
+    smoothed = plain_fold(row.modules, FoldRequest(module=row.module))
+    smoothed.smooths = row.id
+    return smoothing_question(expected(smoothed), by_turns=step_count(summary) > 0)
 
 
 def _smoothing(located: LocatedFold | None, summary: FoldSummary) -> Smoothing | None:
@@ -426,6 +432,7 @@ def _smoothing(located: LocatedFold | None, summary: FoldSummary) -> Smoothing |
     of = located and located.recorded
     return {
         "rows": smoothing_rows(smoothing),
+        "gain": smoothing_gain(smoothing),
         "note": smoothing_note(smoothing),
         "compare": f"/compare?a={of}&b={located.row.id}" if located and of else None,
     }

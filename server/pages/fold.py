@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from foldback.planner.errors import UNREADABLE, PlannerError
 from foldback.planner.pipeline.fold_layout import result_path
 from foldback.planner.storage.file_names import CHAIN
 from foldback.planner.verification.integrity import damaged_among
-from foldback.server.context import Context, context_of
+from foldback.server.context import context_of
 from foldback.server.http.response_cache import mark
 from foldback.server.pages.facts import FoldFacts, fold_facts, script_facts
 from foldback.server.pages.page import origin_of, page, script_json
@@ -25,14 +24,12 @@ from foldback.server.pages.privacy import visibility
 from foldback.server.pages.problem_page import no_such_page
 from foldback.server.processes.read_task import MAX_DRAWN_CELLS
 from foldback.server.store.fold_source import LocatedFold
-from foldback.server.store.schema import FoldRow
 from foldback.server.viewing.fold_lookup import find_now, viewing_of
 from foldback.web.pictures.isometric import isometric_svg
 from foldback.web.pictures.isometric_modules import chain_svg
 from foldback.web.pictures.picture_view import PictureView
 from foldback.words.fold import RUNNING_STATUSES
 from foldback.words.missing_pages import NO_FOLD
-from foldback.words.suggestions import about
 
 router = APIRouter(include_in_schema=False)
 
@@ -113,10 +110,5 @@ def _facts(request: Request, located: LocatedFold) -> FoldFacts:
         located,
         embed=bool(context.settings.embed_origins),
         lifetime_text=visibility(context.settings, located.row),
-        takes=takes(context),
+        expected=context.estimates.total_s,
     )
-
-
-def takes(context: Context) -> Callable[[FoldRow], str]:
-    """Return a function that states the expected time of a fold if it is requested now."""
-    return lambda row: about(context.estimates.total_s(row))

@@ -93,7 +93,7 @@ def test_only_finished_folds_with_a_suitable_plan_are_refolded_or_smoothed(
     failed = replace(plan.certificate, reason=Reason.of(ReasonCode.PLAN_END))
     replace(plan, certificate=failed).save_npz(fold_directory / "plan.npz")
     assert refused("smooth")[:2] == (422, "smooth-not-verified")
-    assert not idle.http.get(f"/folds/{waiting['id']}/facts").json()["smoothable"]
+    assert not idle.http.get(f"/folds/{waiting['id']}/facts").json()["smooth_question"]
 
 
 @pytest.mark.long

@@ -45,17 +45,19 @@ def test_page_of_smoothed_fold_compares_figures(
     finished: FinishedFold, smoothed: FinishedFold
 ) -> None:
     facts = smoothed.http.get(f"{smoothed.page}/facts").json()
-    assert facts["name"].endswith(", smoothed") and not facts["smoothable"]
+    assert facts["name"].endswith(", smoothed") and not facts["smooth_question"]
     rows = {row["label"]: row for row in facts["smoothing"]["rows"]}
     for moment in ("before", "after"):
         assert rows["Frames"][moment] == str(
             smoothed.state["summary"]["smoothing"][moment]["frames"]
         )
     assert {"Folding time", "Largest torque", "Clearance"} < set(rows)
+    assert facts["smoothing"]["gain"].startswith("Travel ")
+    assert "smoothed: " in facts["verdict"]["text"]
     assert facts["compare"][0]["id"] == finished.id
     assert smoothed.http.get(facts["smoothing"]["compare"]).status_code == 200
     recorded = finished.http.get(f"{finished.page}/facts").json()
-    assert (recorded["smoothable"], recorded["smoothing"]) == (True, None)
+    assert "about 5 s" in recorded["smooth_question"] and recorded["smoothing"] is None
 
 
 def test_smoothed_fold_is_requested_once_and_unlisted(
@@ -128,6 +130,6 @@ def test_options_that_do_not_suit_smoothing_are_refused(
 def test_plan_is_smoothed_on_the_command_line(finished: FinishedFold, tmp_path: Path) -> None:
     done = foldback("smooth", finished.directory, "--out", tmp_path)
     assert done.returncode == 0, done.stderr
-    for word in ("verified (simulated)", "Largest torque", "Before", "After", "×"):
+    for word in ("verified (simulated)", "Largest torque", "Before", "After", "×", "Travel "):
         assert word in done.stdout
     assert verify(tmp_path).verified

@@ -81,7 +81,7 @@ def test_fold_on_a_table_shows_its_torque_and_forces(service: Service) -> None:
     (floating, second) = facts["compare"]
     assert floating["form"] == {"fold": resting["id"], "seed": 0, "settings": ""}
     assert (second["form"]["world"], second["form"]["settings"]) == ("table", "table_torque=9")
-    assert not facts["refoldable"] and not facts["smoothable"]
+    assert not facts["refoldable"] and not facts["smooth_question"]
     header, curves = decode(service.http.get(f"{under}/figures").content)
     assert (header["table"]["words"], header["table"]["bound"]) == ("without friction", 9.0)
     assert "peak_torque_nm" not in curves

@@ -3,13 +3,10 @@
 import json
 import shutil
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 from foldback.planner.motion.timeline import TimelineWriter
-from foldback.server.context import Context
 from foldback.server.pages.facts import fold_facts
-from foldback.server.pages.fold import takes
 from foldback.server.store.estimates import Estimates
 from foldback.server.store.fold_source import LocatedFold
 from foldback.server.store.folds import Store
@@ -81,8 +78,7 @@ def test_long_chain_is_not_offered_a_table_first(finished: FinishedFold, tmp_pat
 
 def test_offered_folds_name_their_times(tmp_path: Path, store: Store) -> None:
     facts = failed_fold(tmp_path, 0, status="verified")
-    context = cast(Context, SimpleNamespace(estimates=Estimates(store)))
-    offers = fold_facts(facts, takes=takes(context))["compare"]
+    offers = fold_facts(facts, expected=Estimates(store).total_s)["compare"]
     assert "Takes less than a minute" in {offer.get("hint", "") for offer in offers}
 
 

@@ -114,15 +114,8 @@ get("compare").onclick = () => companions(({ compare }) => compare(facts));
 get("refold").onclick = () => companions(({ refold }) => refold(facts));
 get("smooth").onclick = () =>
   dialogs(async ({ confirmed }) => {
-    if (
-      !(await confirmed(
-        "Smooth this fold?",
-        "foldback computes a shorter and quieter motion for the same shape. It becomes a fold of " +
-          "its own, beside this one, and you can compare both.",
-        "Smooth",
-      ))
-    )
-      return;
+    const question = get("smooth").dataset.question ?? "";
+    if (!(await confirmed("Smooth this fold?", question, "Smooth"))) return;
     asking(({ openFold }) => openFold({ smooth: facts.id }, toast, get("smooth")));
   });
 get("again").onclick = tryAgain;
