@@ -12,7 +12,7 @@ from foldback.cli.inputs import read_input, refuse
 from foldback.cli.options import AsJson, PlanDirectory, Workers, takes
 from foldback.cli.progress_bars import compute
 from foldback.cli.summary import finish, show_choice
-from foldback.cli.typed_codes import Snake, SnakeCube
+from foldback.cli.typed_codes import Snake, SnakeCube, TypedWord
 from foldback.planner.errors import InputError
 from foldback.planner.parameters.option import options_of
 from foldback.planner.pathfinding.path_options import table_warning
@@ -37,7 +37,8 @@ def fold(
         str | None,
         typer.Argument(
             metavar="INPUT",
-            help="File with a mesh, voxels, a path or a chain; or name of an example.",
+            help="File with a mesh, a picture, voxels, a path or a chain; name of an example; or a "
+            "word, as word:Anna.",
         ),
     ] = None,
     angles: Annotated[
@@ -50,6 +51,7 @@ def fold(
     ] = None,
     snake: Snake = None,
     snake_cube: SnakeCube = None,
+    word: TypedWord = None,
     request: FoldRequest,
     own_module: str | None = None,
     workers: Workers = None,
@@ -60,7 +62,9 @@ def fold(
     Exits with 0 if the plan is verified, with 3 if it is not, and with 2 if the input is bad.
     """
     try:
-        data, filename = read_input(shape, angles, own_module, snake=snake, snake_cube=snake_cube)
+        data, filename = read_input(
+            shape, angles, own_module, snake=snake, snake_cube=snake_cube, word=word
+        )
         with replacing_fold(out) as place:
             Workspace(place).write_request(replace(request, filename=filename), data)
             read = run_stage(STAGES[0], place)

@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 
 from foldback.cli.exit_statuses import INVALID_INPUT
-from foldback.cli.typed_codes import typed_code, typed_snake, typed_snake_cube
+from foldback.cli.typed_codes import typed_code, typed_snake, typed_snake_cube, typed_word
 from foldback.planner.errors import InputError
 from foldback.planner.readers.angle_strings import HEADING
 from foldback.planner.readers.gallery import Gallery
@@ -28,6 +28,7 @@ def read_input(
     *,
     snake: str | None = None,
     snake_cube: str | None = None,
+    word: str | None = None,
 ) -> tuple[bytes, str]:
     """Return the bytes and name of a file, of the example of that name, or of typed text.
 
@@ -37,11 +38,12 @@ def read_input(
         module: Module file, or name of a module, of a chain that has none; None for others.
         snake: Instead of it, code or name of a figure of a Rubik's snake.
         snake_cube: Instead of it, pieces or name of a snake cube.
+        word: Instead of it, letters of a word.
 
     Raises:
         InputError: If none or several are given, or a file is too large or cannot be used.
     """
-    typed = {"--angles": angles, "--snake": snake, "--snake-cube": snake_cube}
+    typed = {"--angles": angles, "--snake": snake, "--snake-cube": snake_cube, "--word": word}
     names = [name for name, value in {"INPUT": shape, **typed}.items() if value is not None]
     if len(names) != 1:
         raise InputError(
@@ -53,6 +55,8 @@ def read_input(
         return typed_snake(snake)
     if snake_cube is not None:
         return typed_snake_cube(snake_cube)
+    if word is not None:
+        return typed_word(word)
     if module is None:
         return _read_input(shape, angles)
     from foldback.planner.readers.own_module import built_in_or_file, chain_of_angles, with_module

@@ -23,7 +23,6 @@ from foldback.planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
 from foldback.planner.plan.shape_writers import write_chain, write_path
 from foldback.planner.shapes.shape import MAX_CELLS
 from foldback.planner.storage.files import write_whole
-from foldback.planner.twist_chains.cube_sequence import CubeSequence
 from foldback.words.likeness import likeness_words, reach_words
 
 if TYPE_CHECKING:
@@ -92,15 +91,16 @@ def print_no_path(prepared: Preparation, offers: Sequence[Offer]) -> None:
 
 def offers_for(data: bytes, filename: str, request: FoldRequest) -> list[Offer]:
     """Return versions of a shape that have a path for a table; none for another world."""
-    from foldback.planner.chain.chain import Chain
     from foldback.planner.readers import read
+    from foldback.planner.shapes.shape import Shape
+    from foldback.planner.shapes.solid import Solid
     from foldback.planner.table_paths.offers import table_offers
 
     options = request.path_options()
     if options.world != "table":
         return []
     contents = read(data, filename=filename, as_voxels=options.as_voxels)
-    if isinstance(contents, Chain | CellPath | CubeSequence):
+    if not isinstance(contents, Shape | Solid):
         return []
     return list(table_offers(contents, options, seed=request.seed % PATH_SEED_MODULUS))
 

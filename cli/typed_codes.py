@@ -13,6 +13,8 @@ from foldback.planner.readers.twist_codes import (
     is_twist_code,
     read_twist_code,
 )
+from foldback.planner.readers.word_text import PREFIX, is_word
+from foldback.planner.silhouettes.word import MAX_LETTERS
 from foldback.planner.twist_chains.cube_sequence import CubeSequence
 from foldback.planner.twist_chains.figures import (
     known_snake_cube,
@@ -43,6 +45,15 @@ SnakeCube = Annotated[
     ),
 ]
 
+TypedWord = Annotated[
+    str | None,
+    typer.Option(
+        "--word",
+        metavar="LETTERS",
+        help=f"Instead of INPUT, a word of up to {MAX_LETTERS} letters, folded as block letters.",
+    ),
+]
+
 
 def typed_code(text: str) -> tuple[bytes, str] | None:
     """Return the bytes and name of a file for a code or name; None if a text is neither.
@@ -54,7 +65,12 @@ def typed_code(text: str) -> tuple[bytes, str] | None:
         return typed_snake(text)
     if known_snake_cube(text) is not None:
         return typed_snake_cube(text)
-    return (text.encode(), "") if is_twist_code(text) else None
+    return (text.encode(), "") if is_word(text) or is_twist_code(text) else None
+
+
+def typed_word(text: str) -> tuple[bytes, str]:
+    """Return the bytes and name of a file with a word that was typed."""
+    return f"{PREFIX}{text}".encode(), "word.txt"
 
 
 def typed_snake(text: str) -> tuple[bytes, str]:

@@ -14,6 +14,9 @@ class PreviewOptions(TypedDict, total=False):
     method: Literal["auto", "blocks", "fitted", "exact", "snake"]
     repair: bool
     ends: Literal["any", "surface"]
+    threshold: int
+    inside_out: bool
+    thickness: int
     as_voxels: bool
     start: tuple[int, int, int]
     world: Literal["floating", "table"]

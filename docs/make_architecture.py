@@ -24,6 +24,7 @@ LAYERS: Final = (
     ("planner.chain",),
     ("planner.parameters", "planner.twist_chains"),
     ("planner.shapes", "planner.motion", "planner.simulation"),
+    ("planner.silhouettes",),
     ("planner.clearance", "planner.readers"),
     ("planner.statics",),
     ("planner.pathfinding", "planner.playback", "planner.turns"),

@@ -441,7 +441,7 @@ class Preview(Body):
     id: str
     key: str
     """Key of the options."""
-    kind: Literal["path", "chain", "voxels", "mesh"]
+    kind: Literal["path", "chain", "voxels", "mesh", "word", "picture"]
     name: str
     module: str
     """Name of the module."""

@@ -161,7 +161,7 @@ declare namespace Api {
   interface Preview {
     id: string;
     key: string;
-    kind: "path" | "chain" | "voxels" | "mesh";
+    kind: "path" | "chain" | "voxels" | "mesh" | "word" | "picture";
     name: string;
     module: string;
     module_words: ModuleWordsBody;

@@ -547,6 +547,7 @@ interface Elements {
   "hero-folded": HTMLInputElement;
   "hero-pause": HTMLButtonElement;
   higher: HTMLButtonElement;
+  inside_out: HTMLInputElement;
   jump: HTMLSelectElement;
   key: HTMLInputElement;
   "key-form": HTMLFormElement;
@@ -598,6 +599,7 @@ interface Elements {
   sharing: HTMLDialogElement;
   sides: HTMLSelectElement;
   "picture-clear": HTMLInputElement;
+  "picture-file": HTMLInputElement;
   "picture-scale": HTMLSelectElement;
   sieve: HTMLFormElement;
   size: HTMLSelectElement;
@@ -607,6 +609,8 @@ interface Elements {
   "stuck-card": HTMLDetailsElement;
   "steps-before": HTMLButtonElement;
   "steps-next": HTMLButtonElement;
+  thickness: HTMLInputElement;
+  threshold: HTMLInputElement;
   "tour-after": HTMLButtonElement;
   "tour-before": HTMLButtonElement;
   "tour-save": HTMLButtonElement;
@@ -617,6 +621,7 @@ interface Elements {
   "typed-kind": HTMLSelectElement;
   up: HTMLButtonElement;
   view: HTMLIFrameElement;
+  word: HTMLInputElement;
 }
 type ElementOf<Id extends string> = Id extends keyof Elements ? Elements[Id] : HTMLElement;
 

@@ -35,9 +35,10 @@ class Cubes:
         modules = DEFAULT_MODULES if options.modules is None else options.modules
         return max(1, round(modules / BLOCK_CELLS)) if _in_blocks(options) else modules
 
-    def modules_of(self, shape: Shape, options: PathOptions) -> int:
+    def modules_of(self, shape: Shape, options: PathOptions, *, of_solid: bool) -> int:
         """Return the number of modules of given cells, as far as it is known without a path."""
-        return BLOCK_CELLS * len(shape) if options.method == "blocks" else len(shape)
+        doubles = _in_blocks(options) if of_solid else options.method == "blocks"
+        return BLOCK_CELLS * len(shape) if doubles else len(shape)
 
     def fill(
         self, shape: Shape, options: PathOptions, *, of_solid: bool, seed: int, time_limit_s: float

@@ -26,9 +26,9 @@ class Tetrahedra:
         modules = DEFAULT_MODULES if options.modules is None else options.modules
         return max(1, round(modules / TETRAHEDRA_PER_RING))
 
-    def modules_of(self, shape: Shape, options: PathOptions) -> int:
+    def modules_of(self, shape: Shape, options: PathOptions, *, of_solid: bool) -> int:
         """Return the number of modules of given cells."""
-        del options
+        del options, of_solid
         return TETRAHEDRA_PER_RING * len(shape)
 
     def fill(

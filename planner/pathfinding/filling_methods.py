@@ -19,7 +19,7 @@ class FillingMethod(Protocol):
         """Return the number of cells for the voxelisation of a solid."""
         ...
 
-    def modules_of(self, shape: Shape, options: PathOptions) -> int:
+    def modules_of(self, shape: Shape, options: PathOptions, *, of_solid: bool) -> int:
         """Return the number of modules of given cells, as far as it is known beforehand."""
         ...
 

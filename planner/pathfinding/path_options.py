@@ -23,6 +23,11 @@ from foldback.planner.storage.plain_values import from_plain
 
 DEFAULT_MODULES: Final = 160
 """Number of modules into which a mesh is divided if the request states none."""
+DEFAULT_DRAWN_MODULES: Final = 800
+"""Number of modules of a picture's silhouette if the request states none: a hundred cells of 2×2×2
+modules."""
+MAX_THICKNESS_CELLS: Final = 16
+"""Maximum thickness, in cells, of a word or picture; a request for more is refused."""
 MODULE_COUNTS: Final = (8, 20_000)
 """Minimum and maximum number of modules that a request may ask for; other numbers are refused."""
 MAX_TABLE_MODULES: Final = 96
@@ -60,9 +65,10 @@ class PathOptions:
     )
     modules: int | None = option(
         None,
-        title="Approximate number of modules, for a mesh",
+        title="Approximate number of modules, for a mesh or a picture",
         noun="number of modules",
-        help=f"Approximate number of modules. Default for meshes: {DEFAULT_MODULES}.",
+        help=f"Approximate number of modules. Default for meshes: {DEFAULT_MODULES}, for pictures: "
+        f"{DEFAULT_DRAWN_MODULES}.",
         label="Modules",
         range=MODULE_COUNTS,
     )
@@ -83,6 +89,28 @@ class PathOptions:
         help="`surface` puts both ends of the chain on the outside.",
         label="Ends of the chain",
         choices=PATH_ENDS,
+    )
+    threshold: int | None = option(
+        None,
+        title="Brightness that divides a picture into figure and background, in percent",
+        noun="threshold",
+        help="For a picture: brightness, in percent, that divides it into figure and background. "
+        "Default: transparent pixels are the background, or the brightness that divides the "
+        "picture best.",
+        label="Threshold, % bright",
+        range=(1, 99),
+        unit="percent",
+    )
+    inside_out: bool = option(
+        False, title="Fold the background of a picture, not its figure", label="Inside out"
+    )
+    thickness: int = option(
+        1,
+        title="Thickness of a word or picture, in cells",
+        noun="thickness",
+        label="Thickness, cells",
+        range=(1, MAX_THICKNESS_CELLS),
+        unit="cells",
     )
     as_voxels: bool = option(False, title="Read a list of cells as a shape, not as a path")
     start: Cell | None = option(

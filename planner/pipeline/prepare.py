@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -16,15 +16,22 @@ from foldback.planner.chain.path import Path
 from foldback.planner.errors import InputError
 from foldback.planner.pathfinding import PATH_METHODS
 from foldback.planner.pathfinding.knots import Knot, knot_of
-from foldback.planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
+from foldback.planner.pathfinding.path_options import (
+    DEFAULT_DRAWN_MODULES,
+    DEFAULT_MODULES,
+    PathOptions,
+)
 from foldback.planner.pathfinding.path_reasons import PathReason, sentences
 from foldback.planner.pathfinding.snake import is_box
 from foldback.planner.pathfinding.snake_cubes import box_chains
 from foldback.planner.pathfinding.start_cell import starting_at
 from foldback.planner.plan.prepared_chains import PreparedChains
 from foldback.planner.readers import read
+from foldback.planner.readers.formats import Content
 from foldback.planner.shapes.likeness import Likeness
 from foldback.planner.shapes.shape import MAX_CELLS, Shape
+from foldback.planner.silhouettes.picture import Picture
+from foldback.planner.silhouettes.word import Word
 from foldback.planner.twist_chains.cube_sequence import CubeSequence
 
 # What reads meshes and fills cells is imported for those: a path or a chain needs none of it.
@@ -62,7 +69,7 @@ class Preparation:
     """Result of reading an input and searching its chains.
 
     Attributes:
-        kind: ``path``, ``chain``, ``voxels`` or ``mesh``: what the input was.
+        kind: What the input was: ``path``, ``chain``, ``voxels``, ``mesh``, ``word``, ``picture``.
         name: Name for people.
         options: Requested options.
         chains: Candidates, best first; empty when no path was found.
@@ -332,12 +339,8 @@ def _listed(vertices: Array, faces: Ints) -> dict[str, Any]:
     return {"vertices": rows.tolist(), "faces": faces.tolist()}
 
 
-Subject: TypeAlias = "Path | Chain | Shape | Solid | CubeSequence"
-"""What is in a file, and is folded."""
-
-
 def prepare(
-    source: bytes | Subject,
+    source: bytes | Content,
     filename: str | None,
     options: PathOptions | None = None,
     *,
@@ -364,7 +367,7 @@ def prepare(
 
 
 def prepare_subject(
-    shape: Subject,
+    shape: Content,
     options: PathOptions,
     *,
     seed: int = 0,
@@ -408,6 +411,8 @@ def prepare_subject(
         shape = Shape.from_cells(shape.cells, name=shape.name, pitch_m=shape.pitch_m)
     if options.method == "fitted":
         _check_for_fitted(shape, options)
+    if isinstance(shape, Word | Picture):
+        return _from_drawing(shape, options, seed, time_limit_s, searching)
     if not searching:
         return _cells_alone(shape, options, seed)
     if isinstance(shape, Shape):
@@ -465,7 +470,7 @@ def _rounded_up(count: int) -> int:
 
 def read_in_any_order(
     data: bytes, filename: str | None, options: PathOptions
-) -> tuple[Subject, PathOptions, tuple[str, ...]]:
+) -> tuple[Content, PathOptions, tuple[str, ...]]:
     """Read a file; take a list of cells that is no path for a shape.
 
     Returns:
@@ -601,9 +606,39 @@ def _from_shape(
     return _preparation(kind, shape.name, options, filled, notes, likenesses=likenesses)
 
 
-def _check_for_fitted(shape: Shape | Solid, options: PathOptions) -> None:
+def _from_drawing(
+    drawing: Word | Picture,
+    options: PathOptions,
+    seed: int,
+    time_limit_s: float,
+    searching: bool,
+) -> Preparation:
+    from foldback.planner.pipeline.drawn_shape import drawn_shape
+
+    filling = filling_of(options)
+    modules = DEFAULT_DRAWN_MODULES if options.modules is None else options.modules
+    drawn = drawn_shape(drawing, options, filling.cells_for(replace(options, modules=modules)))
+    kind = "word" if isinstance(drawing, Word) else "picture"
+    if not searching:
+        alone = _cells_alone(drawn.shape, options, seed)
+        return replace(alone, kind=kind, notes=drawn.notes)
+    filled = filling.fill(drawn.shape, options, of_solid=True, seed=seed, time_limit_s=time_limit_s)
+    likenesses = () if drawn.likeness is None else (drawn.likeness,) * len(filled.chains)
+    return _preparation(
+        kind,
+        drawn.shape.name,
+        options,
+        filled,
+        (*drawn.notes, *filled.notes),
+        likenesses=likenesses,
+    )
+
+
+def _check_for_fitted(shape: Shape | Solid | Word | Picture, options: PathOptions) -> None:
     """Refuse the method 'fitted' where it chooses nothing."""
-    if isinstance(shape, Shape):
+    if isinstance(shape, Word | Picture):
+        problem, remedy = "a word or picture", "Use the method 'auto'."
+    elif isinstance(shape, Shape):
         problem, remedy = "cells", "Use the method 'exact' or 'blocks', as the cells are given."
     elif options.world == "table":
         problem, remedy = "a fold on a table", "Use the method 'auto'."

@@ -1,5 +1,5 @@
-"""Readers: from the bytes of a file to a path, a chain, a shape or a solid."""
+"""Readers: from the bytes of a file to a path, a chain, a shape, a solid, a word or a picture."""
 
-from foldback.planner.readers.formats import read
+from foldback.planner.readers.formats import Content, read
 
-__all__ = ["read"]
+__all__ = ["Content", "read"]

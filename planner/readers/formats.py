@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from typing import Final
+from typing import Final, TypeAlias
 
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.display_names import clean_name
@@ -29,6 +29,7 @@ from foldback.planner.readers.limits import (
 from foldback.planner.readers.npy import is_npy, read_npy
 from foldback.planner.readers.obj import is_obj, read_obj
 from foldback.planner.readers.off import is_off, read_off
+from foldback.planner.readers.pixel_pictures import is_pixel_picture, read_pixel_picture
 from foldback.planner.readers.ply import is_ply, read_ply
 from foldback.planner.readers.refused_formats import refuse_other_kinds, unknown_kind
 from foldback.planner.readers.stl import is_binary, is_stl, read_stl
@@ -36,24 +37,30 @@ from foldback.planner.readers.text import decode, refuse_binary, refuse_prose, t
 from foldback.planner.readers.threemf import is_zip, read_threemf
 from foldback.planner.readers.twist_codes import is_twist_code, read_twist_code
 from foldback.planner.readers.vox import is_vox, read_vox
+from foldback.planner.readers.word_text import is_word, read_word
 from foldback.planner.readers.xyz import is_xyz, read_xyz
 from foldback.planner.shapes.shape import Shape
 from foldback.planner.shapes.solid import Solid
+from foldback.planner.silhouettes.picture import Picture
+from foldback.planner.silhouettes.word import Word
 from foldback.planner.storage.files import MAX_FILE_BYTES
 from foldback.planner.twist_chains.cube_sequence import CubeSequence
 from foldback.planner.twist_chains.figures import names_of
 from foldback.planner.twist_chains.folded_chains import snake_chain
 
 READABLE_FORMATS: Final = (
-    "a mesh (STL, OBJ, PLY, OFF, GLB, glTF, 3MF), voxels (.vox, .binvox, .npy, "
-    "foldback-voxels/1), or the cells or angles of a chain (foldback-path/1 or foldback-chain/1 "
-    "JSON, a JSON list, CSV, XYZ, .npy, signs like 0 - - +, a snake's code)"
+    "a mesh (STL, OBJ, PLY, OFF, GLB, glTF, 3MF), voxels (.vox, .binvox, .npy, JSON), a picture "
+    "(PNG, JPEG), a word (word:Anna), or the cells or angles of a chain (foldback-path/1 or "
+    "foldback-chain/1 JSON, CSV, XYZ, .npy, a snake's code)"
 )
 
 MESH_SUFFIXES: Final = (".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf")
 """Suffixes of the names of triangle meshes, in lower case."""
+PICTURE_SUFFIXES: Final = (".png", ".jpg", ".jpeg")
+"""Suffixes of the names of pictures, in lower case."""
 READABLE_SUFFIXES: Final = (
     *MESH_SUFFIXES,
+    *PICTURE_SUFFIXES,
     *(".vox", ".binvox", ".npy", ".json", ".csv", ".txt", ".xyz"),
 )
 """Suffixes of the names of files that can be read, which dialogs for opening a file offer."""
@@ -64,7 +71,9 @@ UNREADABLE: Final = (
     "it again with another program, or in another format."
 )
 """Message for a file at which a reader failed in an unforeseen way."""
-Kind = tuple[Callable[[bytes], bool], Callable[[bytes, Source], Path | Shape | Solid]]
+Content: TypeAlias = Path | Chain | Shape | Solid | CubeSequence | Word | Picture
+"""What is in a file, and is folded."""
+Kind = tuple[Callable[[bytes], bool], Callable[[bytes, Source], Content]]
 BINARY_KINDS: Final[tuple[Kind, ...]] = (
     (is_npy, read_npy),
     (is_vox, read_vox),
@@ -73,6 +82,7 @@ BINARY_KINDS: Final[tuple[Kind, ...]] = (
     (is_ply, read_ply),
     (is_zip, read_threemf),
     (is_off, read_off),
+    (is_pixel_picture, read_pixel_picture),
 )
 
 
@@ -84,7 +94,7 @@ def read(
     max_cells: int = MAX_CELLS,
     max_triangles: int = MAX_TRIANGLES,
     max_bytes: int = MAX_FILE_BYTES,
-) -> Path | Chain | Shape | Solid | CubeSequence:
+) -> Content:
     """Read a path, chain, shape or solid from a file.
 
     Args:
@@ -98,7 +108,7 @@ def read(
     Returns:
         A ``Path`` for lists of cells, a ``Chain`` for ``foldback-chain/1`` and codes of Rubik's
         snakes, a ``Shape`` for voxels, a ``Solid`` for meshes, a ``CubeSequence`` for the pieces of
-        a snake cube.
+        a snake cube, a ``Word`` for letters after ``word:``, a ``Picture`` for pictures.
 
     Raises:
         InputError: The content cannot be read; says what was found and expected, and what to do.
@@ -120,7 +130,7 @@ def _read(
     max_cells: int,
     max_triangles: int,
     max_bytes: int,
-) -> Path | Chain | Shape | Solid | CubeSequence:
+) -> Content:
     source = Source(
         name=clean_name(_stem(filename)),
         max_cells=max_cells,
@@ -149,6 +159,8 @@ def _read(
         raise InputError(
             "empty", f"this looks like a file with only white space, expected {READABLE_FORMATS}."
         )
+    if is_word(text):
+        return read_word(text)
     if is_json(text):
         return read_json(text, source)
     if is_angle_string(text):

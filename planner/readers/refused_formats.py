@@ -9,8 +9,6 @@ from foldback.planner.readers.limits import quote
 
 HTML_PAGE: Final = "an HTML page"
 SIGNATURES: Final = (
-    (b"\x89PNG", "a PNG picture"),
-    (b"\xff\xd8\xff", "a JPEG picture"),
     (b"GIF8", "a GIF picture"),
     (b"RIFF", "a WebP picture, a sound or a video"),
     (b"%PDF", "a PDF document"),

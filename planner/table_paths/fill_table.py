@@ -39,9 +39,10 @@ class TableCubes:
         modules = DEFAULT_MODULES if options.modules is None else options.modules
         return max(1, round(modules / BLOCK_CELLS)) if options.method == "blocks" else modules
 
-    def modules_of(self, shape: Shape, options: PathOptions) -> int:
+    def modules_of(self, shape: Shape, options: PathOptions, *, of_solid: bool) -> int:
         """Return the number of modules of given cells: one for each, or eight."""
-        return BLOCK_CELLS * len(shape) if _doubles(shape, options, of_solid=False) else len(shape)
+        doubles = _doubles(shape, options, of_solid=of_solid)
+        return BLOCK_CELLS * len(shape) if doubles else len(shape)
 
     def fill(
         self, shape: Shape, options: PathOptions, *, of_solid: bool, seed: int, time_limit_s: float

@@ -16,7 +16,7 @@ from markupsafe import Markup
 
 from foldback.planner.parameters.option import options_of
 from foldback.planner.pipeline.request import FoldRequest
-from foldback.planner.readers.formats import READABLE_SUFFIXES
+from foldback.planner.readers.formats import PICTURE_SUFFIXES, READABLE_SUFFIXES
 from foldback.server.http.base_path import BASE_PATH, at
 from foldback.server.http.security import INDEXED_HEADERS
 from foldback.web.static_files import VERSIONED, code_of, scripts_of, scripts_version, text_of
@@ -83,6 +83,7 @@ TEMPLATE_VALUES: Final[dict[str, object]] = {
     "curve_labels": CURVE_LABELS,
     "curve_extremes": EXTREMES,
     "readable_suffixes": ",".join(READABLE_SUFFIXES),
+    "picture_suffixes": ",".join(PICTURE_SUFFIXES),
     "paper_settings": PAPER_ROWS,
     "table_settings": TABLE_ROWS,
     "robot_settings": ROBOT_ROWS,

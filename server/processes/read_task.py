@@ -23,6 +23,8 @@ from foldback.planner.playback.unfolding import check_fits
 from foldback.planner.readers import read
 from foldback.planner.shapes.shape import Shape
 from foldback.planner.shapes.solid import Solid
+from foldback.planner.silhouettes.picture import Picture
+from foldback.planner.silhouettes.word import Word
 from foldback.planner.storage.file_names import START_PLAN
 from foldback.planner.storage.files import write_sealed_json
 from foldback.planner.twist_chains.cube_sequence import CubeSequence
@@ -67,17 +69,25 @@ def check(directory: Path) -> dict[str, Any]:
             check_for_table(contents)
         return _described(contents.name, contents.module, len(contents))
     from foldback.planner.pathfinding.path_options import DEFAULT_MODULES
-    from foldback.planner.pipeline.prepare import filling_of
+    from foldback.planner.pipeline.prepare import filling_of, prepare_subject
 
     options = request.path_options()
     options.check()
     modules = options.modules or DEFAULT_MODULES
+    if isinstance(contents, Word | Picture):
+        cells = prepare_subject(contents, options, searching=False).shape
+        assert cells is not None  # a drawing has at least one cell, or is refused
+        _note(directory, cells.cells)
+        modules = filling_of(options).modules_of(cells, options, of_solid=True)
+        if begins is not None and options.method != "exact":
+            check_fits(begins, options.kind, modules)
+        return _described(cells.name, options.kind, modules)
     if isinstance(contents, Shape | CellPath):
         shape = Shape.from_cells(contents.cells, name=contents.name, pitch_m=contents.pitch_m)
         filling = filling_of(options)
         _note(directory, shape.cells)
         filling.check(shape, options)
-        modules = filling.modules_of(shape, options)
+        modules = filling.modules_of(shape, options, of_solid=False)
         if begins is not None and not options.repair and options.method != "blocks":
             check_fits(begins, options.kind, modules)
     return _described(contents.name, options.kind, modules)
@@ -172,7 +182,7 @@ def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
     data = (directory.parent / "input").read_bytes()
     contents = read(data, filename=about["filename"], as_voxels=request.as_voxels)
     offered: list[dict[str, Any]] = []
-    if not isinstance(contents, Chain | CellPath | CubeSequence):
+    if isinstance(contents, Shape | Solid):
         search = table_offers(
             contents,
             request.path_options(),

@@ -24,7 +24,10 @@ const uploading = later(
   },
   (text) => say(text, "bad"),
 );
-const TYPED = "snake.txt"; // name of a file that was typed
+const TYPED = "snake.txt"; // name of a file with a chain that was typed
+const SPELLED = "word.txt"; // name of a file with a word that was typed
+/** What is said instead of the names of these files. @type {Record<string, string>} */
+const LABELS = { [TYPED]: "the chain", [SPELLED]: "the word" };
 const NO_PATH = "repeated-cell"; // a code of the API
 const NO_ANGLES = "module-alone"; // as well
 const owning = later(
@@ -93,7 +96,7 @@ const sendAll = (files) =>
 /** @param {File} file */
 const send = (file, { asVoxels = false, isShown = false } = {}) =>
   uploading(async ({ sending, upload, STOPPED, Refusal, formOf, ownKey }) => {
-    const label = file.name === TYPED ? "the chain" : file.name;
+    const label = LABELS[file.name] ?? file.name;
     say(`Reading ${label}…`);
     offer();
     const form = formOf({ file, full: false, quick: true, as_voxels: asVoxels || null });
@@ -126,8 +129,13 @@ const send = (file, { asVoxels = false, isShown = false } = {}) =>
 
 // A typed chain is sent as a file that begins with its kind, and takes its name from its content.
 const kind = get("typed-kind");
-const sendTyped = () =>
-  send(new File([`${kind.value}${get("angles").value}`], TYPED, { type: "text/plain" }));
+/**
+ * @param {string} text
+ * @param {string} name
+ */
+const sendText = (text, name) => send(new File([text], name, { type: "text/plain" }));
+const sendTyped = () => sendText(`${kind.value}${get("angles").value}`, TYPED);
+const sendSpelled = () => sendText(`word:${get("word").value}`, SPELLED);
 const explain = () => {
   const { example, help } = kind.selectedOptions[0].dataset;
   get("typed-help").textContent = help ?? "";
@@ -135,19 +143,24 @@ const explain = () => {
 };
 kind.addEventListener("change", explain);
 explain();
-get("type").onclick = () => {
-  const open = get("typing").hidden;
-  get("typing").hidden = !open;
-  get("type").setAttribute("aria-expanded", String(open));
-  if (open) get("angles").focus();
-};
-get("typed").onclick = sendTyped;
-get("angles").addEventListener("keydown", (event) => {
-  if (event.key === "Enter") {
-    event.preventDefault();
-    sendTyped();
-  }
-});
+for (const [opener, part, field, sender, action] of /** @type {const} */ ([
+  ["type", "typing", "angles", "typed", sendTyped],
+  ["spell", "spelling", "word", "spelled", sendSpelled],
+])) {
+  get(opener).onclick = () => {
+    const open = get(part).hidden;
+    get(part).hidden = !open;
+    get(opener).setAttribute("aria-expanded", String(open));
+    if (open) get(field).focus();
+  };
+  get(sender).onclick = action;
+  get(field).addEventListener("keydown", (event) => {
+    if (event.key === "Enter") {
+      event.preventDefault();
+      action();
+    }
+  });
+}
 
 // Show a button below the message, or none without an action.
 /**
@@ -163,11 +176,12 @@ function offer(text = "", action = null) {
 
 follow(get("preset"));
 drop.addEventListener("submit", (event) => event.preventDefault());
-get("file").addEventListener("change", () => {
-  const files = [...(get("file").files ?? [])];
-  if (files.length) sendAll(files);
-  get("file").value = "";
-});
+for (const input of [get("file"), get("picture-file")])
+  input.addEventListener("change", () => {
+    const files = [...(input.files ?? [])];
+    if (files.length) sendAll(files);
+    input.value = "";
+  });
 addEventListener("dragover", (event) => {
   event.preventDefault();
   drop.classList.add("over");

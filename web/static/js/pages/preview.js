@@ -188,12 +188,28 @@ get("options").addEventListener("submit", (event) => {
   event.preventDefault();
   look();
 });
-get("modules").addEventListener("input", () => {
-  preview.change({ modules: preview.modulesAt(Number(get("modules").value)) });
+// Change options while a slider moves, and request a report when it rests.
+/** @param {import("../panels/preview_state.js").Offer["change"]} changed */
+function slide(changed) {
+  preview.change(changed);
   showOptions(preview);
   clearTimeout(timer);
   document.body.classList.add("busy-now");
   timer = setTimeout(look, DEBOUNCE_MS);
+}
+get("modules").addEventListener("input", () =>
+  slide({ modules: preview.modulesAt(Number(get("modules").value)) }),
+);
+get("threshold").addEventListener("input", () =>
+  slide({ threshold: Number(get("threshold").value) }),
+);
+get("threshold-auto").onclick = () => change({ threshold: null });
+get("inside_out").addEventListener("change", () =>
+  change({ inside_out: get("inside_out").checked }),
+);
+get("thickness").addEventListener("change", () => {
+  const thickness = Math.floor(Number(get("thickness").value)) || 1;
+  change({ thickness: thickness === 1 ? null : thickness });
 });
 get("modules-number").addEventListener("change", () =>
   change({ modules: Number(get("modules-number").value) }),

@@ -11,7 +11,8 @@ const SLIDER_STEPS = 1000;
  */
 /**
  * @typedef {Record<ChoiceName, string> & { modules: number | null, repair: boolean,
- *   as_voxels: boolean, start: string | null, seed: number }} PreviewOptions
+ *   as_voxels: boolean, start: string | null, seed: number, threshold: number | null,
+ *   inside_out: boolean, thickness: number | null }} PreviewOptions
  */
 /**
  * @typedef {{ text: string, primary?: boolean, change: Partial<PreviewOptions> }} Offer a button
@@ -26,7 +27,12 @@ const SLIDER_STEPS = 1000;
  */
 
 /** Options that may change the cells and thus invalidate the start cell. @type {Set<string>} */
-const RESHAPING = new Set(["module", "modules", "method", "world", "repair", "seed"]);
+const RESHAPING = new Set([
+  ...["module", "modules", "method", "world", "repair", "seed"],
+  ...["threshold", "inside_out", "thickness"],
+]);
+/** Kinds of inputs whose number of modules can be chosen. */
+const SCALABLE = ["mesh", "picture"];
 
 /** Meaning of the coloured cells of a shape without a path. @type {Record<string, string>} */
 const ODD = {
@@ -77,6 +83,9 @@ export class Preview {
       method: choiceOf("method"),
       ends: choiceOf("ends"),
       repair: query.get("repair") === "true",
+      threshold: Number(query.get("threshold")) || null,
+      inside_out: query.get("inside_out") === "true",
+      thickness: Number(query.get("thickness")) || null,
       as_voxels: this.givenAsVoxels,
       start: /^-?\d+,-?\d+,-?\d+$/.test(start) ? start : null,
       world: choiceOf("world"),
@@ -208,7 +217,7 @@ export class Preview {
     this.offers = [];
     this.report = report;
     if (report.not_started) this.options.start = null; // the report has another path
-    if (report.kind === "mesh" && this.options.modules === null) this.bounded(report.modules);
+    if (this.isScalable && this.options.modules === null) this.bounded(report.modules);
   }
 
   // Handle options without a preview: keep the previous report, but without a path to fold.
@@ -237,7 +246,11 @@ export class Preview {
 
   // Number of modules in the field and on the slider; null if it cannot be chosen.
   get count() {
-    return this.options.modules ?? (this.report?.kind === "mesh" ? this.report.modules : null);
+    return this.options.modules ?? (this.isScalable ? (this.report?.modules ?? null) : null);
+  }
+
+  get isScalable() {
+    return SCALABLE.includes(this.report?.kind ?? "");
   }
 
   get expected() {

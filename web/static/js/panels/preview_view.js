@@ -78,6 +78,10 @@ export function showOptions(preview) {
     get("modules").setAttribute("aria-valuetext", `${count} modules`);
     get("modules-number").value = String(count);
   }
+  get("threshold").value = String(options.threshold ?? 50);
+  get("threshold-auto").setAttribute("aria-pressed", String(options.threshold === null));
+  get("inside_out").checked = options.inside_out;
+  get("thickness").value = String(options.thickness ?? 1);
   get("seed").value = String(options.seed);
   get("preset").value = preset;
   get("preset").disabled = onTable;
@@ -162,7 +166,9 @@ export function showReport(preview, report, onChange) {
     how: chain || kind === "path",
     "method-part": !preview.followsPaths,
     "method-hint": !preview.followsPaths,
-    "modules-part": kind !== "mesh",
+    "modules-part": !preview.isScalable,
+    "drawn-part": kind !== "word" && kind !== "picture",
+    "threshold-part": kind !== "picture",
     "iou-part": !iou,
     "reach-part": !reach.ways.length,
     "reach-limit": !reach.limit,

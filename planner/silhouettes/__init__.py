@@ -1,0 +1,1 @@
+"""Silhouettes: words and pictures, and the cells that they become."""
