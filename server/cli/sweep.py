@@ -6,7 +6,6 @@ import json
 import sys
 import time
 from collections import Counter
-from contextlib import suppress
 from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
@@ -82,11 +81,11 @@ def sweep(
     """
     lost = 0
     try:
+        _check_packages()
         values = {"shapes": shapes, "seeds": seeds, "methods": _methods(methods)}
         sweep_spec = _with_axes(_spec(spec, {k: v for k, v in values.items() if v}), axes)
         is_directory = spec is not None and spec.is_dir()
         out = spec if out is None and is_directory else out
-        _check_packages()
         if dry_run:
             _show_plan(sweep_spec, out or Path())
         elif out is None:
@@ -120,7 +119,12 @@ def _run(
     )
     with SweepState.opened(spec, out, again) as state:
         left = state.folds_left()
-        with Progress(*columns, console=Console(stderr=True), disable=not left) as progress:
+        with Progress(
+            *columns,
+            console=Console(stderr=True),
+            redirect_stdout=sys.stdout.isatty(),  # rows in a file or a pipe stay there
+            disable=not left,
+        ) as progress:
             bar = progress.add_task("starting", total=left, rate="")
             for number, row in enumerate(state.compute(place), 1):
                 lost += row["verdict"] == LOST
@@ -225,9 +229,9 @@ def _write_players(out: Path) -> bool:
     ]
     if not plans:
         return False
-    with suppress(ModuleNotFoundError):  # without the service, foldback play shows them
+    try:
         from foldback.server.cli.site import write_players
-
-        write_players(out / PLAYERS_DIR, plans)
-        return True
-    return False
+    except ModuleNotFoundError:  # without the service, foldback play shows them
+        return False
+    write_players(out / PLAYERS_DIR, plans)
+    return True

@@ -1,8 +1,11 @@
 """``foldback sweep``: its rows, files, exit status and refusals."""
 
 import json
+import os
+import pty
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -51,6 +54,12 @@ def _with_row(place: Path) -> None:
         add({"key": fold.key, **fold.columns, "verdict": "failed: it stalled", "reason": "stalled"})
 
 
+def _drain(screen: int) -> None:
+    """Read what a program writes to a terminal, so that it does not wait."""
+    while os.read(screen, 4096):
+        pass
+
+
 def test_bad_commands_are_refused_in_a_sentence(place: Path) -> None:
     _with_row(place)
     for command, words in REFUSALS.items():
@@ -96,10 +105,13 @@ def test_sweep_that_is_done_imports_no_engine(place: Path) -> None:
 
 
 def test_sweep_on_this_machine_prints_rows(place: Path) -> None:
+    """The bar is on a terminal, and the rows in a file."""
     options = ["--shape", "wrench-24", "--method", "direct", "--out", "new", "--workers", "1"]
     command = [sys.executable, "-m", "foldback.server.cli", "sweep", *options, "--json"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    screen, terminal = pty.openpty()
+    threading.Thread(target=_drain, args=(screen,), daemon=True).start()
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=terminal, text=True, check=False)
+    assert done.returncode == 0
     (row,) = map(json.loads, done.stdout.splitlines())
     assert (row["shape"], row["method"], row["verified"]) == ("wrench-24", "direct", True)
     assert row["cpu_s"] > 0.0 and row["memory_mb"] > 10.0
