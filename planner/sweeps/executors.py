@@ -44,6 +44,8 @@ SIZE_PERIOD_S: Final = 2.0
 """Time, in s, between two questions of how many workers a cluster has."""
 MIN_CASES_AT_ONCE: Final = 64
 """Number of cases that a cluster is given if it has few workers, since more may come."""
+JOB_MEMORY: Final = "4 GiB"
+"""Memory of a SLURM job, as Dask writes it."""
 SLURM: Final = "slurm"
 """Name of the place where a sweep starts its own jobs."""
 log = logging.getLogger("foldback.sweeps")
@@ -59,14 +61,12 @@ class Place:
         workers: Number of cases that are computed at once: on this machine, all its processors by
             default; on SLURM, the number of jobs.
         walltime: Time limit of a SLURM job, as ``sbatch --time`` takes it.
-        memory: Memory of a SLURM job, as Dask writes it.
         slurm: Options of ``sbatch``, without their dashes.
     """
 
     on: str = ""
     workers: int | None = None
     walltime: str = "04:00:00"
-    memory: str = "4 GiB"
     slurm: Mapping[str, str] = field(default_factory=dict[str, str])
 
 
@@ -139,13 +139,11 @@ def executor_on(place: Place) -> Generator[DaskExecutor]:
     it had are cancelled.
 
     Raises:
-        InputError: ``missing-package``; ``no-scheduler`` if none answers.
+        InputError: ``no-scheduler`` if none answers; ``missing-package``.
     """
-    try:
-        import dask.config
-        from distributed import Client
-    except ImportError as error:
-        raise _missing("distributed", "pip install 'foldback[sweep]'") from error
+    import dask.config
+    from distributed import Client
+
     with dask.config.set(CONFIGURATION):
         if place.on not in ("", SLURM):
             _check_scheduler(place.on)
@@ -209,20 +207,17 @@ def _slurm_cluster(place: Place) -> SpecCluster:
     try:
         from dask_jobqueue.slurm import SLURMCluster
     except ImportError as error:
-        raise _missing("dask-jobqueue", "pip install dask-jobqueue") from error
+        raise InputError(
+            "missing-package",
+            "got no package dask-jobqueue, expected it; install it with pip install dask-jobqueue.",
+        ) from error
     cluster = SLURMCluster(
         cores=1,
         processes=1,
-        memory=place.memory,
+        memory=JOB_MEMORY,
         walltime=place.walltime,
         scheduler_options={"dashboard_address": ":0"},
         job_extra_directives=[f"--{name}={value}" for name, value in place.slurm.items()],
     )
     cluster.adapt(maximum_jobs=place.workers or 1)
     return cluster
-
-
-def _missing(package: str, remedy: str) -> InputError:
-    return InputError(
-        "missing-package", f"got no package {package}, expected it; install it with {remedy}."
-    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import os
 import pickle
 import signal
@@ -132,15 +131,8 @@ class _Forker:
 
 
 _idle: list[_Forker] = []
-"""Case forkers of this process that compute nothing now."""
+"""Case forkers of this process that compute nothing now. They end with it."""
 
-
-def _end_idle_forkers() -> None:
-    while _idle:
-        _idle.pop().close()
-
-
-atexit.register(_end_idle_forkers)
 os.register_at_fork(after_in_child=_idle.clear)
 
 

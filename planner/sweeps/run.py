@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
-from pathlib import Path
 from queue import SimpleQueue
 from typing import Final
 
@@ -19,18 +18,13 @@ LOST: Final = "lost"
 """Verdict of a case that its executor has given up, such as one whose machines all ended."""
 
 
-def no_more(case: Case, row: Row) -> Case | None:
-    """Return None: no case follows from a row."""
-    del case, row
-
-
 def run_cases(
     cases: Iterable[Case],
     add: Callable[[Row], None],
     executor: Executor,
     *,
     at_once: int | Callable[[], int],
-    next_case: Callable[[Case, Row], Case | None] = no_more,
+    next_case: Callable[[Case, Row], Case | None] = lambda _case, _row: None,
 ) -> Generator[Row]:
     """Compute cases on an executor; yield their rows in the order in which they end.
 
@@ -96,10 +90,7 @@ def _row_of(case: Case, future: Future[Outcome]) -> Row | None:
         return {"key": case.key, **case.columns, **row}
     if case.keep is not None:
         for name, data in outcome.files.items():
-            _store(case.keep / name, data)
+            path = case.keep / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(path, data)
     return outcome.row
-
-
-def _store(path: Path, data: bytes) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, data)

@@ -91,6 +91,15 @@ class MapAxes(Table, frozen=True):
     by: str = "method"
 
 
+KEYS: Final[dict[str, Collection[str]]] = {
+    "budget": Budget.__struct_fields__,
+    "keep": Keep.__struct_fields__,
+    "map": MapAxes.__struct_fields__,
+    "grid": REQUEST_FIELDS,
+}
+"""Keys of the tables in a spec, besides those of methods and groups."""
+
+
 class SweepSpec(Table, frozen=True):
     """Specification of a sweep; see docs/sweeps.md.
 
@@ -127,10 +136,7 @@ class SweepSpec(Table, frozen=True):
         Raises:
             InputError: ``bad-spec``, naming the key.
         """
-        _check_keys("spec", values, cls.__struct_fields__)
-        _check_keys("grid", values.get("grid"), REQUEST_FIELDS)
-        for name, table in (("budget", Budget), ("keep", Keep), ("map", MapAxes)):
-            _check_keys(name, values.get(name), table.__struct_fields__)
+        _check_keys("", values, cls.__struct_fields__)
         shapes = values.get("shapes", [])
         parts = {
             "shapes": shapes if isinstance(shapes, Mapping) else {"": shapes},
@@ -239,7 +245,6 @@ def _part(place: str, table: Any) -> Values:
         table = {"files": table}
     own = [name for name in Part.__struct_fields__ if name != "request"]
     _check_keys(place, table, (*own, *REQUEST_FIELDS))
-    _check_keys(f"{place}.budget", table.get("budget"), Budget.__struct_fields__)
     values = {name: table[name] for name in own if name in table}
     for name in ("only", "files"):
         if isinstance(values.get(name), str):
@@ -255,12 +260,15 @@ def _seeds_text(seeds: Any) -> Any:
     return f"{seeds.start}-{seeds.stop - 1}" if is_range else seeds
 
 
-def _check_keys(place: str, values: Any, known: Collection[str]) -> None:
-    """Refuse unknown keys of a table, naming the nearest known one."""
-    for name in values if isinstance(values, Mapping) else ():
+def _check_keys(place: str, values: Mapping[str, Any], known: Collection[str]) -> None:
+    """Refuse unknown keys of a table and of those in it, naming the nearest known one."""
+    for name, value in values.items():
         if name not in known:
             near = get_close_matches(str(name), known, n=1, cutoff=0.5)
             expected = near[0] if near else f"one of: {', '.join(known)}"
             raise InputError(
-                "bad-spec", f"{place}: got the unknown key {name!r}, expected {expected}."
+                "bad-spec",
+                f"{place or 'spec'}: got the unknown key {name!r}, expected {expected}.",
             )
+        if name in KEYS and isinstance(value, Mapping):
+            _check_keys(f"{place}.{name}".strip("."), value, KEYS[name])
