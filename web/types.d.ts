@@ -309,6 +309,7 @@ interface Addressed {
   view(): AddressedView | null;
   colour(key: string): void;
   path(on: boolean): void;
+  seen?: Promise<void>; // until the view is in sight; nothing plays before
 }
 
 // What is told and asked on a page.

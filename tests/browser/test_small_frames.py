@@ -66,6 +66,27 @@ def test_picture_fills_most_of_the_page_at_each_size(visit: Visit, wrench: str, 
         assert "#main" not in page.url
 
 
+@pytest.mark.parametrize("query", ["", "#play=1"])
+def test_embed_plays_once_it_is_in_sight_under_compact_controls(
+    visit: Visit, blog: Blog, service: Service, wrench: str, query: str
+) -> None:
+    address = f"{service.http.base_url}/embed/{wrench}{query}"
+    blog.html = (
+        "<!doctype html><title>A blog</title><body style='padding-top: 640px'>"
+        f"<iframe src='{address}' width=700 height=467></iframe>"
+    )
+    reader = visit(blog.origin, width=760, height=700, view=False, reduced_motion="no-preference")
+    frame = reader.frames[1]
+    # Only its upper edge is in sight.
+    frame.locator("#cover.gone").wait_for(state="attached")
+    reader.wait_for_timeout(300)
+    assert frame.evaluate("() => foldback.player.playhead.frame") == 0
+    reader.evaluate("() => scrollTo(0, 400)")
+    frame.wait_for_function("() => foldback.player.playhead.frame > 0")
+    controls = frame.locator("#bar :is(button, input, select):visible")
+    assert controls.evaluate_all("all => all.map(({ id }) => id)") == ["scrub", "play", "more"]
+
+
 DRAG = """(kind) => {
   const dataTransfer = new DataTransfer();
   dataTransfer.items.add(new File(["1\\n2\\n"], "a.csv"));

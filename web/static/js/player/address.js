@@ -162,7 +162,7 @@ export class Place {
   go() {
     const view = viewIn(location.hash);
     const play = view.play ?? viewIn(location.search.replace(/^\?/, "")).play;
-    const { player } = this.page;
+    const { player, seen } = this.page;
     if (view.named || this.acted)
       this.page.colour(view.colour ?? player.usualColour ?? USUAL_COLOURING);
     this.page.path(view.path);
@@ -179,7 +179,9 @@ export class Place {
     if (startFrame !== null) player.send({ do: "seek", frame: startFrame });
     if (view.camera) player.send({ do: "camera", camera: view.camera });
     else if (this.acted && view.follow) player.send({ do: "camera", camera: null });
-    if (play && !this.calm) player.send({ do: "play" });
+    const start = () => player.send({ do: "play" });
+    if (play && !this.calm && seen) seen.then(start);
+    else if (play && !this.calm) start();
     if (play === false) player.send({ do: "pause" });
     return view.frame !== null || play !== null;
   }

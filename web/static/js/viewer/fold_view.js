@@ -13,6 +13,8 @@ import { get, later, store, stored, toast } from "../lib/text.js";
 const DRAW_MS = 250;
 const FLAT = "foldback:flat"; // stored once the visitor has read that WebGL is missing
 const TOURED = "foldback:toured"; // stored once the visitor has seen a tour
+/** Share of the view that must be in sight before it starts to play. */
+const MIN_SHARE_IN_SIGHT = 0.25;
 const START_DELAY_MS = 1500;
 /**
  * Number of processor cores up to which the 3D view waits while a fold is computed, because
@@ -95,7 +97,7 @@ export function view({
   /** @type {Promise<void>} */
   const visible = new Promise((/** @type {(nothing: void) => void} */ resolve) => {
     drawn = () => resolve();
-  }).then(shownPage);
+  }).then(inSight);
   standIn.onOpen = () => {
     get("cover").classList.add("gone");
     drawn();
@@ -126,6 +128,7 @@ export function view({
       view: () => viewOf(player, through.on),
       colour: (key) => legend.ask(key),
       path: (on) => through.set(on),
+      seen: visible,
     },
     calm,
   );
@@ -192,7 +195,8 @@ export function view({
     if (isFirstVisit()) visible.then(() => guideOnce({ player, place, guide, touring }));
     if (player.story.telling || !play) return;
     visible.then(() => {
-      if (!place.acted) player.send({ do: "play" });
+      const untouched = !place.acted && player.story.part === "before";
+      if (untouched) player.send({ do: "play" });
     }); // from the first frame that can be seen
   });
   window.foldback = { timeline, player }; // for the console
@@ -201,12 +205,23 @@ export function view({
   return { timeline, player, stage, sketch, hand, bar, place, plots };
 }
 
-// Wait until the tab of the page is in front.
-async function shownPage() {
+// Wait until the tab of the page is in front and, within another page, the view is scrolled to.
+async function inSight() {
   while (document.hidden)
     await new Promise((resolve) => {
       document.addEventListener("visibilitychange", resolve, { once: true });
     });
+  await new Promise((/** @type {(nothing: void) => void} */ resolve) => {
+    const observer = new IntersectionObserver(
+      (entries) => {
+        if (!entries.at(-1)?.isIntersecting) return;
+        observer.disconnect();
+        resolve();
+      },
+      { threshold: MIN_SHARE_IN_SIGHT },
+    );
+    observer.observe(get("main"));
+  });
 }
 
 // Return true if this browser has not shown a tour yet, and the page is neither part of another one
