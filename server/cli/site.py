@@ -60,12 +60,20 @@ def site(
             help="Address of the service that *Fold your own* links to. Default: no such link.",
         ),
     ] = None,
+    project: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="Address of foldback's project, to which the first page links. Default: the page "
+            "with the paper's experiments.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Create a static website: folds, the published paper's experiments, benchmarks."""
     try:
-        if service is not None:
-            _check_address(service)
+        for address in (service, project):
+            _check_address(address)
         if holds_fold(out):
             raise InputError(
                 "another-fold",
@@ -86,7 +94,7 @@ def site(
             if not shipped:
                 raise InputError("no-folds", "got no folds, expected --folds or --finished.")
             names = [_add_sweep(directory, place) for directory in sweeps or ()]
-            pages.write_site(place, shipped, service, names)
+            pages.write_site(place, shipped, service, names, project)
     except InputError as error:
         refuse(error, as_json)
     except PlannerError as error:
@@ -139,11 +147,11 @@ def _add_sweep(directory: Path, site_dir: Path) -> str:
     return name
 
 
-def _check_address(service: str) -> None:
-    """Raise InputError unless an address is a valid target of a link."""
-    address = urlsplit(service)
-    if address.scheme not in ("http", "https") or not address.hostname:
-        detail = f"got {service!r}, expected an address such as https://fold.example.org."
+def _check_address(address: str | None) -> None:
+    """Raise InputError unless an address is a valid target of a link, or None."""
+    parts = urlsplit(address or "https://none")
+    if parts.scheme not in ("http", "https") or not parts.hostname:
+        detail = f"got {address!r}, expected an address such as https://fold.example.org."
         raise InputError("bad-service", detail)
 
 

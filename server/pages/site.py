@@ -68,11 +68,13 @@ class Site:
     Attributes:
         out: Directory of the site.
         service_address: Address of a service that folds visitors' shapes; None without one.
+        project_address: Address of foldback's project; None if unknown.
         file_names: Names of the files that pages refer to.
     """
 
     out: Path
-    service_address: str | None
+    service_address: str | None = None
+    project_address: str | None = None
     file_names: set[str] = field(default_factory=set)
 
     def at(self, root: str, address: str) -> str:
@@ -119,6 +121,7 @@ def write_site(
     folds: Sequence[LocatedFold],
     service_address: str | None = None,
     sweeps: Sequence[str] = (),
+    project_address: str | None = None,
 ) -> None:
     """Write a site.
 
@@ -127,12 +130,14 @@ def write_site(
         folds: Finished folds with different ids, after which their files are named.
         service_address: Address of a service that folds visitors' shapes.
         sweeps: Names of sweeps, whose pages are in the folder ``sweeps``.
+        project_address: Address to which the first page links the name of foldback; its page about
+            the paper if None.
 
     Raises:
         OSError: If a file cannot be written.
         PlannerError: If the files of a fold cannot be read.
     """
-    site = Site(out, service_address)
+    site = Site(out, service_address, project_address)
     for fold in folds:
         site.write(f"folds/{fold.row.id}.html", _fold_page(site, fold))
         site.write(f"folds/{fold.row.id}.svg", drawing_in(fold.directory))
@@ -165,7 +170,7 @@ def write_players(out: Path, folds: Iterable[LocatedFold], home: str) -> None:
         folds: Finished folds with different ids, after which their pages are named.
         home: Relative address of the page to which they lead back.
     """
-    site = Site(out, None)
+    site = Site(out)
     for fold in folds:
         site.write(f"folds/{fold.row.id}.html", _fold_page(site, fold))
     site.write("index.html", f'<meta http-equiv="refresh" content="0; url={home}">')

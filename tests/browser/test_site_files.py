@@ -18,6 +18,7 @@ from foldback.server.submission.shipped_folds import SHIPPED_FOLDS_DIR
 from tests.browser.conftest import MEDIA, open_tab
 
 SERVICE = "https://fold.example.org"
+PROJECT = "https://foldback.example.org"
 MOVING = "([selector, before]) => document.querySelector(selector).value !== before"
 
 ABORTED = "net::ERR_ABORTED"
@@ -33,7 +34,14 @@ def site_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
         unpack((SHIPPED_FOLDS_DIR / f"{packed}.fold").read_bytes(), place / "folds" / name)
     out = place / "x" / "y"
     _write_sweep(place / "my sweep", place / "folds" / "cube")
-    site(out, [place / "folds"], [place / "my sweep"], finished=False, service=SERVICE)
+    site(
+        out,
+        [place / "folds"],
+        [place / "my sweep"],
+        finished=False,
+        service=SERVICE,
+        project=PROJECT,
+    )
     return out
 
 
@@ -80,7 +88,7 @@ def test_every_link_of_a_site_leads_to_something_in_it(site_dir: Path) -> None:
     assert {"index.html", "paper.html", "benchmarks.html", fold, "folds/cube.html"} <= names
     reached: set[Path] = set()
     for path, links in pages.items():
-        for link in links.addresses - {SERVICE}:
+        for link in links.addresses - {SERVICE, PROJECT}:
             name, place = urldefrag(unquote(link))
             target = (path.parent / name).resolve() if name else path
             assert target.is_file() and target.is_relative_to(site_dir), (path, link)
@@ -89,7 +97,9 @@ def test_every_link_of_a_site_leads_to_something_in_it(site_dir: Path) -> None:
     first = (site_dir / "index.html").read_text(encoding="utf-8")
     titles = re.findall(r'class="card-title">([^<]*)<', first)
     assert len(set(titles)) == 3 and "Wrench → Mallet" in titles
-    assert "A long chain of robot cubes folds itself" in first
+    # A stranger reads what a fold is, and finds the project.
+    assert "a long straight chain of robot modules turns into a solid shape" in first
+    assert f'<a href="{PROJECT}">foldback</a>' in first
     # Only the pages' data name viser's client, only third-party pages use the element, and the
     # gallery's script derives the addresses of moving drawings from those of drawings.
     moving = {path for path in site_dir.glob("folds/*/motion.svg")}
