@@ -12,6 +12,7 @@ from bench.constants.varying import constants
 from bench.first_minutes import first_minutes
 from bench.folds import folds
 from bench.hard_paths import hard_paths
+from bench.joint_errors import joint_error
 from bench.likeness import likeness, likeness_folds, likeness_tetrahedra, previews
 from bench.long_folds import long_folds
 from bench.machine import machine
@@ -74,6 +75,7 @@ SECTIONS = {
     "robots": robots,
     "calm": calm,
     "hard": hard_paths,
+    "joint-error": joint_error,
     "swept-motions": swept_motions,
     "sweeps": sweeps,
     "sweep-many": sweep_many,

@@ -28,6 +28,7 @@ class PlanOptions(TypedDict, total=False):
     preset: Literal["default", "paper", "direct"]
     settings: str
     module_size: float
+    joint_error: str
     strategy: Literal["auto", "simultaneous", "blocks", "peel", "turns", "one-by-one"]
     at_once: int
     prefer: Literal["computing", "time", "torque", "clearance", "margin", "calm"]

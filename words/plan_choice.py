@@ -217,6 +217,9 @@ def _gained(
     elif prefer == "torque":
         after, before = (_torque(figures.torque_in(slowest)) for figures in figure_pair)
         quantity, unit = f"torque at the same folding time of {number(slowest)} s", ""
+    elif prefer == "margin" and best.figures.size_with_errors is not None:
+        after, before = (_filled(figures.size_with_errors) for figures in figure_pair)
+        quantity, unit = "largest module size with the joint error", ""
     elif prefer == "margin":
         after, before = (_margin(figures.one_hinge_rad) for figures in figure_pair)
         quantity, unit = "allowed error in one hinge", ""
@@ -253,6 +256,10 @@ def _told(value: float | None) -> str:
 
 def _torque(value: float | None) -> str:
     return quantity(value, "N·m") or "–"
+
+
+def _filled(size: float | None) -> str:
+    return f"{rounded_down(100 * size, 1)} % of the cell" if size else "none"
 
 
 def _margin(value: float | None) -> str:

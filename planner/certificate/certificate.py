@@ -32,6 +32,7 @@ from foldback.planner.certificate.table_forces import TableForces
 from foldback.planner.certificate.verdict import find_reason
 from foldback.planner.chain.chain import Chain
 from foldback.planner.clearance.exempt_pairs import ExemptPairs, Place, exempt_pairs
+from foldback.planner.clearance.joint_errors import JointErrors, joint_errors
 from foldback.planner.clearance.margins import Margins, margins
 from foldback.planner.errors import InputError
 from foldback.planner.motion.motion import Motion
@@ -94,6 +95,7 @@ class Certificate:
     mujoco_robot: MujocoRobotFigures | None = None
     table: TableCertificate | None = None
     margins: Margins | None = None
+    joint_errors: JointErrors | None = None
 
     @property
     def verified(self) -> bool:
@@ -115,8 +117,9 @@ class Certificate:
         judgement = {"verified": self.verified, "verdict": self.verdict}
         values = {**judgement, **asdict(self), "robots": robots, "reason": reason}
         del values["table"]
-        if self.mujoco_robot is None:
-            del values["mujoco_robot"]
+        for name in ("mujoco_robot", "joint_errors"):
+            if values[name] is None:
+                del values[name]
         if self.table is not None:
             values["table"] = self.table.as_dict()
         return cast(CertificateFigures, values)
@@ -136,7 +139,7 @@ class Certificate:
             raise ValueError(
                 f"got unknown figures ({names}), expected only figures of a certificate"
             )
-        if missing := figures - {"table", "mujoco_robot"} - values.keys():
+        if missing := figures - {"table", "mujoco_robot", "joint_errors"} - values.keys():
             names = ", ".join(sorted(missing))
             raise ValueError(f"got a certificate without {names}, expected all of its figures")
         table = values.get("table")
@@ -172,7 +175,8 @@ def certify(
         cancelled: Returns True to stop; the verdict then is a failure, and all clearances are
             None.
         forces: Receives torques and forces at each of the plan's frames, for a plan on a table.
-        with_margins: Compute the margins of a verified plan.
+        with_margins: Compute the margins of a verified plan, and those of sampled robots if its
+            parameters name a joint error.
 
     Raises:
         InputError: ``bad-module-size``.
@@ -206,17 +210,26 @@ def certify(
         )
         on_table = _on_table(chain, playback, parameters, forces)
         reason = reason or on_table.reason
-    margins_found = None
+    proved_margins = sampled_margins = None
     if with_margins and sweeps.plan is not None and reason is None:
         assert playback is not None
         progress(Progress(stage="certify", fraction=0.95, message=MARGINS_MESSAGE))
-        margins_found = margins(
+        proved_margins = margins(
             chain, playback.reference, sweeps.plan, module_size=size, cancelled=cancelled
         )
+        if parameters.joint_error_rad is not None:
+            sampled_margins = joint_errors(
+                chain,
+                playback.reference,
+                module_size=size,
+                error_rad=parameters.joint_error_rad,
+                cancelled=cancelled,
+            )
     return Certificate(
         reason=reason,
         table=on_table,
-        margins=margins_found,
+        margins=proved_margins,
+        joint_errors=sampled_margins,
         simulated=None if playback is None else playback.simulated,
         module_size=size,
         exempt_pairs=exempt.result(),

@@ -7,7 +7,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, Final, Literal, Required, TypedDict, get_args, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    Final,
+    Literal,
+    NotRequired,
+    Required,
+    TypedDict,
+    get_args,
+    get_type_hints,
+)
 
 from foldback.planner.motion.failure_schemas import StuckFigures
 from foldback.planner.parameters.setting import Description
@@ -101,6 +111,17 @@ class MarginsFigures(TypedDict):
     one_hinge_rad: MarginFigures
     independent_rad: MarginFigures
     failure_probability: float
+
+
+class JointErrorFigures(TypedDict):
+    """``planner.clearance.joint_errors.JointErrors``."""
+
+    error_rad: float
+    module_size: float | None
+    tolerated_rad: float
+    robots: int
+    touching_at_size: int
+    touching_with_error: int
 
 
 class CertificateFigures(TypedDict, total=False):
@@ -421,6 +442,14 @@ class CertificateFigures(TypedDict, total=False):
             "not verified, and for very long chains.",
         ),
     ]
+    joint_errors: Annotated[
+        JointErrorFigures,
+        Figure(
+            "Sampled robots with joint errors",
+            help="Module size and hinge errors at which few enough of 300 sampled robots touch "
+            "themselves; missing unless the request names a joint error.",
+        ),
+    ]
 
 
 @cache
@@ -469,6 +498,7 @@ class SmoothingFigures(TypedDict):
 class ComparedFigures(TypedDict):
     """``planner.pipeline.preference.PlanFigures``."""
 
+    size_with_errors: NotRequired[float]
     fold_time_s: float | None
     peak_torque_nm: float | None
     clearance_bound: float | None

@@ -85,6 +85,7 @@ class Parameters:
         strategy: One of ``STRATEGY_CHOICES``, see ``planner.explosion.strategies``.
         at_once: Maximum number of hinges that turn in one step of turns; None for no limit.
         module_size: Size at which the plan is verified, as a fraction of the pitch.
+        joint_error_rad: Error of each hinge for which a module size is looked for; None for none.
         density_kg_m3: Density of a solid module, for torques in newton-metres.
         joint_speed_limit_rad_s: Largest speed of a hinge; sets the fold time in the certificate.
     """
@@ -100,6 +101,7 @@ class Parameters:
     strategy: str = "auto"
     at_once: int | None = None
     module_size: float = DEFAULT_MODULE_SIZE
+    joint_error_rad: float | None = None
     density_kg_m3: float = DEFAULT_DENSITY_KG_M3
     joint_speed_limit_rad_s: float = 1.0
 
@@ -113,10 +115,11 @@ class Parameters:
         return replace(self, **values)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain JSON values, nested as the parameters are; no limit is left out."""
+        """Return plain JSON values, nested as the parameters are, without what is None."""
         values = asdict(self)
-        if self.at_once is None:
-            del values["at_once"]
+        for name in ("at_once", "joint_error_rad"):
+            if values[name] is None:
+                del values[name]
         return values
 
 

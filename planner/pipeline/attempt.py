@@ -258,7 +258,7 @@ class Attempt:
         if self.off_straight:
             values["off_straight"] = True
         if self.figures is not None:
-            values["figures"] = asdict(self.figures)
+            values["figures"] = self.figures.as_dict()
         if self.chosen:
             values["chosen"] = True
         return values

@@ -41,6 +41,7 @@ def fold(
     strategy: str = AUTO,
     at_once: int | None = None,
     prefer: Preference = COMPUTING,
+    joint_error: str | None = None,
     world: World = FLOATING,
     directory: str | FilePath | None = None,
     progress: Report = silent,
@@ -60,6 +61,8 @@ def fold(
         at_once: Maximum number of hinges that turn at once, for the strategy ``turns``; None for no
             limit.
         prefer: Preference among several verified plans; ``computing`` takes the first one.
+        joint_error: Error of each hinge, such as ``0.3deg``, for which the largest possible module
+            size is found, see ``Certificate.joint_errors``; None for none.
         world: ``floating``, or on a ``table`` under gravity.
         directory: Directory that gets the plan, the timeline and the model, when all are written;
             they replace those of an earlier fold. None to write no file.
@@ -84,6 +87,7 @@ def fold(
         strategy=strategy,
         at_once=at_once,
         prefer=prefer,
+        joint_error=joint_error,
         world=world,
     )
     watch = Watch(progress=progress, cancelled=cancelled)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import inf
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 from foldback.planner.certificate.figures import CertificateFigures
 from foldback.planner.errors import InputError
@@ -69,6 +69,8 @@ class PlanFigures:
         travel_ratio: Travel of all hinges, see ``MotionFigures``; None where it is not known.
         hinges_moving_mean: Mean number of hinges that move at once; None where it is not known.
         reversals_mean: Mean number of reversals of a hinge; None where it is not known.
+        size_with_errors: Module size that tolerates the requested joint error, see
+            ``JointErrors``, 0 if none does; None where no error is requested.
     """
 
     fold_time_s: float | None
@@ -80,6 +82,7 @@ class PlanFigures:
     travel_ratio: float | None = None
     hinges_moving_mean: float | None = None
     reversals_mean: float | None = None
+    size_with_errors: float | None = None
 
     @classmethod
     def of(cls, certificate: CertificateFigures, *, before_s: float = 0.0) -> PlanFigures:
@@ -89,7 +92,7 @@ class PlanFigures:
             certificate: Certificate of the plan, as plain values.
             before_s: Seconds that were computed before it was looked at.
         """
-        margins = certificate.get("margins")
+        margins, errors = certificate.get("margins"), certificate.get("joint_errors")
         return cls(
             fold_time_s=certificate.get("fold_time_s"),
             peak_torque_nm=certificate.get("peak_torque_nm"),
@@ -100,7 +103,15 @@ class PlanFigures:
             travel_ratio=certificate.get("travel_ratio"),
             hinges_moving_mean=certificate.get("hinges_moving_mean"),
             reversals_mean=certificate.get("reversals_mean"),
+            size_with_errors=errors and (errors["module_size"] or 0.0),
         )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain JSON values, without the size if no joint error is requested."""
+        values = asdict(self)
+        if self.size_with_errors is None:
+            del values["size_with_errors"]
+        return values
 
     def torque_in(self, seconds: float) -> float | None:
         """Largest torque of a hinge in newton-metres, when the fold takes so many seconds.
@@ -126,6 +137,8 @@ class PlanFigures:
         if prefer == "torque":
             torque = self.torque_in(1.0)
             return -inf if torque is None else -torque
+        if prefer == "margin" and self.size_with_errors is not None:
+            return self.size_with_errors
         if prefer == "margin":
             return -inf if self.one_hinge_rad is None else self.one_hinge_rad
         if prefer == CALM:

@@ -43,7 +43,7 @@ def plan_parameters(plan: Plan, module_size: float | None) -> Parameters:
     Raises:
         InputError: ``not-a-plan`` if they are invalid, ``unknown-preset``.
     """
-    names = ("module_size", "density_kg_m3", "joint_speed_limit_rad_s")
+    names = ("module_size", "density_kg_m3", "joint_speed_limit_rad_s", "joint_error_rad")
     plain = {
         name: _checked_number(plan.parameters[name], name)
         for name in names

@@ -1,0 +1,213 @@
+"""Joint errors: how large modules and hinge errors may be for most robots to fold without contact.
+
+Robots are sampled: each has an error of its own in each hinge, the same all the time, independent
+and uniform between plus and minus the stated error. The whole motion of each robot is swept, so
+that a collision between two frames counts too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from functools import partial
+from math import comb
+from typing import Final
+
+import numpy as np
+
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.clearance.margins import FAILURE_PROBABILITY, FULL_SIZE, MAX_ERROR_RAD
+from foldback.planner.clearance.sweep import closest_at_frames, sweep
+from foldback.planner.motion.motion import Motion, as_motion
+from foldback.planner.parameters.joint_error import MIN_SIZE
+from foldback.planner.progress import Cancelled, never
+
+ROBOTS: Final = 300
+"""Number of robots that are sampled."""
+MAX_TOUCHING_WITH_ERROR: Final = 8
+"""Maximum number of sampled robots whose modules may touch with the largest error that a plan
+tolerates. With 8 of 300, at most 5 of 100 robots touch, with a confidence of 96 %."""
+MAX_TOUCHING_AT_SIZE: Final = 1
+"""Maximum number of sampled robots whose modules may touch at the largest module size. Robots are
+built with this size: with 1 of 300, hardly any hundred of them has more than five that touch."""
+MAX_ANGLES: Final = 2**22
+"""Maximum number of angles of a motion (frames × hinges) for which robots are sampled; a sweep of
+so many takes about a second of the processor."""
+SIZES: Final = np.linspace(MIN_SIZE, FULL_SIZE, 751)
+"""Module sizes that are tried, in pitches."""
+ERRORS_RAD: Final = MAX_ERROR_RAD * 1.01 ** np.arange(-1000.0, 1.0)
+"""Errors that are tried, rad, each 1 % larger than the one before."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointErrors:
+    """Errors and module sizes with which hardly any sampled robot touches itself.
+
+    Attributes:
+        error_rad: Error of each hinge for which a module size was looked for.
+        module_size: Largest module size, as a fraction of the pitch, with errors up to
+            ``error_rad``; None if ``MIN_SIZE`` is too large.
+        tolerated_rad: Largest error of each hinge at the module size of the plan; 0 if even the
+            smallest that was tried is too large.
+        robots: Number of sampled robots.
+        touching_at_size, touching_with_error: Maximum number of these that touch with
+            ``module_size``, and with ``tolerated_rad``.
+    """
+
+    error_rad: float
+    module_size: float | None
+    tolerated_rad: float
+    robots: int = ROBOTS
+    touching_at_size: int = MAX_TOUCHING_AT_SIZE
+    touching_with_error: int = MAX_TOUCHING_WITH_ERROR
+
+
+def joint_errors(
+    chain: Chain,
+    motion: Motion,
+    *,
+    module_size: float,
+    error_rad: float,
+    cancelled: Cancelled = never,
+) -> JointErrors | None:
+    """Return how large modules and errors may be; None for a very long motion, or if cancelled.
+
+    Args:
+        chain: The chain.
+        motion: A motion that is proved clear.
+        module_size: Module size of the plan, as a fraction of the pitch.
+        error_rad: Error of each hinge for which a module size is looked for.
+        cancelled: Polled between robots.
+    """
+    if len(motion) * len(chain.folded_rad) > MAX_ANGLES:
+        return None
+    robots = SampledRobots(chain, motion.angles(chain), cancelled=cancelled)
+    size = robots.largest_size(error_rad)
+    error = robots.largest_error(module_size)
+    if cancelled():
+        return None
+    return JointErrors(error_rad=error_rad, module_size=size, tolerated_rad=error or 0.0)
+
+
+def confidence(robots: int, touching: int) -> float:
+    """Return the confidence, 0 to 1, that few enough of all robots touch.
+
+    If a larger share than ``FAILURE_PROBABILITY`` of all robots touched, no more than ``touching``
+    of those sampled would do so with a probability of at most one minus this.
+    """
+    p = FAILURE_PROBABILITY
+    fewer = sum(comb(robots, k) * p**k * (1.0 - p) ** (robots - k) for k in range(touching + 1))
+    return 1.0 - fewer
+
+
+@dataclass(slots=True, eq=False)
+class SampledRobots:
+    """Robots with random errors that follow a motion.
+
+    Args:
+        chain: The chain.
+        angles: (F, J) hinge angles of the motion, rad.
+        seed: Seed of the errors.
+        count: Number of robots.
+        cancelled: Polled between robots; then results mean nothing.
+    """
+
+    chain: Chain
+    angles: Array
+    seed: int = 0
+    count: int = ROBOTS
+    cancelled: Cancelled = never
+    errors: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Draw the (N, J) errors of the robots, as fractions of the stated error."""
+        random = np.random.default_rng(self.seed)
+        self.errors = random.uniform(-1.0, 1.0, (self.count, self.angles.shape[1]))
+
+    def largest_size(self, error_rad: float, touching: int = MAX_TOUCHING_AT_SIZE) -> float | None:
+        """Return the largest module size at which few enough touch; None if there is none."""
+        index, lower = self._first_guess(SIZES, lambda size: (error_rad, size), touching)
+        index = lower(index)
+        return None if index < 0 else float(SIZES[index])
+
+    def largest_error(
+        self, module_size: float, touching: int = MAX_TOUCHING_WITH_ERROR
+    ) -> float | None:
+        """Return the largest error, rad, at which few enough touch; None if there is none."""
+        index, lower = self._first_guess(ERRORS_RAD, lambda error: (error, module_size), touching)
+        # Unlike a smaller module, a smaller error may touch where a larger one is clear: after a
+        # change, all robots are swept again.
+        while (lowered := lower(index)) < index:
+            index = lowered
+        return None if index < 0 else float(ERRORS_RAD[index])
+
+    def touching(self, error_rad: float, module_size: float) -> list[int]:
+        """Return the robots whose modules touch at any moment of the motion."""
+        return [
+            robot
+            for robot in range(self.count)
+            if not self._is_clear(robot, error_rad, module_size)
+        ]
+
+    def _is_clear(self, robot: int, error_rad: float, size: float) -> bool:
+        disturbed = self.angles + error_rad * self.errors[robot]
+        return sweep(self.chain, disturbed, module_size=size, share=0.0).bound > 0.0
+
+    def _end_clearance(self, robot: int, error_rad: float, size: float) -> float:
+        """Return the clearance of the folded shape."""
+        folded = as_motion(self.angles[-1:] + error_rad * self.errors[robot])
+        return closest_at_frames(self.chain, folded, module_size=size).clearance
+
+    def _first_guess(
+        self, values: Array, setting: Callable[[float], tuple[float, float]], touching: int
+    ) -> tuple[int, Callable[[int], int]]:
+        """Return the index of a value that few enough folded robots tolerate, and what lowers it.
+
+        The folded shape limits most motions, and is checked in a hundredth of the time: it says
+        where to begin, and which robots to look at first. The whole motions may tolerate less.
+
+        Args:
+            values: Values in ascending order.
+            setting: Returns the error and the module size of a value.
+            touching: Maximum number of robots that may touch.
+        """
+        settings = [setting(float(value)) for value in values]
+
+        def clear_at_end(robot: int, k: int) -> bool:
+            return self._end_clearance(robot, *settings[k]) > 0.0
+
+        def clear(robot: int, k: int) -> bool:
+            return self.cancelled() or self._is_clear(robot, *settings[k])
+
+        order = list(range(self.count))
+        index = _lowered(len(values) - 1, order, clear_at_end, touching)
+        if index >= 0:
+            order.sort(key=lambda robot: self._end_clearance(robot, *settings[index]))
+        return index, partial(_lowered, robots=order, is_clear=clear, touching=touching)
+
+
+def _lowered(
+    index: int, robots: Iterable[int], is_clear: Callable[[int, int], bool], touching: int
+) -> int:
+    """Return an index, lowered until few enough robots touch; −1 if too many always do.
+
+    Args:
+        index: Index of a value.
+        robots: Robots, those that touch first before the others.
+        is_clear: Returns True if a robot is clear at an index.
+        touching: Maximum number of robots that may touch.
+    """
+    limits: list[int] = []
+    for robot in robots:
+        if index < 0 or is_clear(robot, index):
+            continue
+        low, high = -1, index
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (middle, high) if is_clear(robot, middle) else (low, middle)
+        limits = sorted([*limits, low])
+        if len(limits) > touching:
+            index = limits.pop()
+            limits = [limit for limit in limits if limit < index]
+    return index
