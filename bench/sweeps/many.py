@@ -7,6 +7,7 @@ seeds on Dask. Its folds compute nothing, in Dask's workers themselves, so that 
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -14,6 +15,8 @@ import time
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Final
+
+import psutil
 
 from bench.command import PEAK_MEMORY_LINE
 from bench.sections import Section
@@ -63,7 +66,7 @@ def main() -> None:
     """Run the sweep; print its rows, the time of the first one (s) and the peak memory (MB)."""
     directory, number = Path(sys.argv[1]), int(sys.argv[2])
     sweep = Sweep([("bar.json", b"[[0,0,0],[1,0,0],[1,1,0]]")], seeds=f"0-{number - 1}")
-    first_row_s, rows = 0.0, 0
+    first_row_s, rows, children_mb = 0.0, 0, 0.0
     if any(directory.iterdir()):
         rows = len(list(sweep.rows(directory, executor=ThreadPoolExecutor(1))))
     else:
@@ -72,10 +75,17 @@ def main() -> None:
             for _ in sweep.rows(directory, executor=EmptyFolds(executor), workers=WORKERS):
                 first_row_s = first_row_s or time.monotonic() - start_s
                 rows += 1
-    line = PEAK_MEMORY_LINE.search(Path("/proc/self/status").read_text())
+            children = psutil.Process().children(recursive=True)
+            children_mb = sum(_peak_mb(child.pid) for child in children)
+    figures = {"peak_mb": _peak_mb(os.getpid()), "children_mb": children_mb}
+    print(json.dumps({"first_row_s": first_row_s, "rows": rows} | figures))
+
+
+def _peak_mb(pid: int) -> float:
+    """Return the largest resident memory that a process has had, MB."""
+    line = PEAK_MEMORY_LINE.search(Path(f"/proc/{pid}/status").read_text())
     assert line is not None
-    peak_mb = int(line.group(1)) / 1024
-    print(json.dumps({"first_row_s": first_row_s, "rows": rows, "peak_mb": peak_mb}))
+    return int(line.group(1)) / 1024
 
 
 def sweep_many(_: float, number: int = MANY_FOLDS) -> Section:
@@ -95,6 +105,7 @@ def sweep_many(_: float, number: int = MANY_FOLDS) -> Section:
     ]
     for name, value, bar, unit in figures:
         section.add(name, f"{value:.1f} {unit}", f"≤ {bar:g} {unit}", value <= bar)
+    section.add(f"peak memory of its {WORKERS} workers", f"{first['children_mb']:.0f} MB")
     return section
 
 

@@ -199,7 +199,7 @@ def _cluster(place: Place) -> SpecCluster:
         threads_per_worker=1,
         memory_limit=0,  # cases have limits of their own
         dashboard_address="127.0.0.1:0",  # its own port, for several sweeps at once
-        silence_logs=logging.ERROR,
+        silence_logs=logging.CRITICAL,  # workers that end with the scheduler report errors
     )
 
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Final, cast
 from foldback.planner.errors import InputError
 from foldback.planner.storage.files import write_whole
 from foldback.planner.sweeps.case import Row, Value
+from foldback.planner.sweeps.rows import column_names
 from foldback.planner.sweeps.spec import SweepSpec
-from foldback.planner.sweeps.table import column_names
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -1,23 +1,59 @@
-"""Rows of a sweep on disk: JSON lines, one file for each run of the command."""
+"""Rows of a sweep on disk: JSON lines as they are computed, and tables as Parquet and CSV."""
 
 from __future__ import annotations
 
 import fcntl
+import json
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager
+from importlib.metadata import version
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import msgspec
 
 from foldback.planner.errors import InputError
+from foldback.planner.storage.files import written_aside
 from foldback.planner.sweeps.case import Row
 
 ROWS_DIR: Final = "rows"
 """Name of the directory, in that of a sweep, with the files of its rows."""
 LOCK: Final = ".lock"
 """Name of the file, in the directory of a sweep, that the command locks while it writes rows."""
+TABLE_FORMAT: Final = "foldback-sweep/1"
+PARQUET: Final = "results.parquet"
+CSV: Final = "results.csv"
+COLUMNS: Final = {
+    "key": "string",
+    "shape": "string",
+    "group": "string",
+    "shape_digest": "string",
+    "module": "string",
+    "modules": "int64",
+    "method": "string",
+    "seed": "int64",
+    "verdict": "string",
+    "verified": "bool",
+    "simulated": "bool",
+    "reason": "string",
+    "clearance_bound_pitch": "float64",
+    "min_clearance_pitch": "float64",
+    "frames": "int64",
+    "steps": "int64",
+    "attempts": "int64",
+    "strategy": "string",
+    "cpu_s": "float64",
+    "wall_s": "float64",
+    "memory_mb": "float64",
+    "host": "string",
+    "processor": "string",
+    "version": "string",
+    "planner_digest": "string",
+    "started_at": "string",
+    "error": "string",
+}
+"""Columns of the tables, with their types in Arrow and units in their names."""
 
 
 def with_shared_texts(row: Row) -> Row:
@@ -33,7 +69,7 @@ def with_shared_texts(row: Row) -> Row:
 
 
 class Rows:
-    """Rows in the directory of a sweep.
+    """Rows in the directory of a sweep, in one file for each run of the command.
 
     A line is a row. A last line that a killed command has not completed is ignored.
     """
@@ -97,3 +133,52 @@ class Rows:
                     file.write(msgspec.json.encode(row) + b"\n")
 
             yield add
+
+
+def column_names(rows: Iterable[Row]) -> tuple[str, ...]:
+    """Return the columns of rows; those of options that vary stand before what came of a fold."""
+    options = dict.fromkeys(name for row in rows for name in row if name not in COLUMNS)
+    names = [*COLUMNS]
+    outcome = names.index("verdict")
+    return (*names[:outcome], *options, *names[outcome:])
+
+
+def write_tables(directory: Path, rows: Mapping[str, Row], spec: dict[str, Any]) -> None:
+    """Write the tables of a sweep.
+
+    Args:
+        directory: Directory of the sweep.
+        rows: Newest rows by key.
+        spec: Specification as plain values, which the table's metadata hold.
+    """
+    import pyarrow as pa
+    import pyarrow.csv as pa_csv
+    import pyarrow.parquet as pa_parquet
+
+    names = column_names(rows.values())
+    arrays = [
+        pa.array(
+            (row.get(name) for row in rows.values()),
+            pa.type_for_alias(COLUMNS[name]) if name in COLUMNS else None,
+            size=len(rows),
+        )
+        for name in names
+    ]
+    metadata = {
+        "format": TABLE_FORMAT,
+        "foldback": version("foldback"),
+        "pyarrow": pa.__version__,
+        "spec": json.dumps(spec),
+    }
+    table = pa.table(arrays, names=list(names)).replace_schema_metadata(metadata)
+    with written_aside(directory / PARQUET) as path:
+        pa_parquet.write_table(table, path)
+    with written_aside(directory / CSV) as path:
+        pa_csv.write_csv(table, path)
+
+
+def is_outdated(directory: Path) -> bool:
+    """Return True if rows were written after the tables."""
+    newest = max((path.stat().st_mtime_ns for path in Rows(directory).files()), default=0)
+    tables = [directory / name for name in (PARQUET, CSV)]
+    return not all(path.exists() and path.stat().st_mtime_ns >= newest for path in tables)

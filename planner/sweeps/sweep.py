@@ -19,10 +19,9 @@ from foldback.planner.sweeps.case import Case, Row
 from foldback.planner.sweeps.cases import FoldSeries, series_of
 from foldback.planner.sweeps.executors import Place, executor_on
 from foldback.planner.sweeps.map import MAP_PERIOD_S, PLANS_DIR, write_map
-from foldback.planner.sweeps.rows import Rows, with_shared_texts
+from foldback.planner.sweeps.rows import PARQUET, Rows, is_outdated, with_shared_texts, write_tables
 from foldback.planner.sweeps.run import CASES_PER_WORKER, run_cases
 from foldback.planner.sweeps.spec import SweepSpec
-from foldback.planner.sweeps.table import PARQUET, is_outdated, write_tables
 
 if TYPE_CHECKING:
     import pyarrow as pa

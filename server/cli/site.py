@@ -27,7 +27,7 @@ from foldback.planner.pipeline.packed_fold import unpack
 from foldback.planner.storage.file_names import TIMELINE
 from foldback.planner.storage.output_directory import replacing_listed
 from foldback.planner.sweeps.map import PAGE, PICTURE, PLAYERS_DIR
-from foldback.planner.sweeps.table import CSV, PARQUET
+from foldback.planner.sweeps.rows import CSV, PARQUET
 from foldback.planner.verification.stored_fold import check_fold
 from foldback.server.cli.play import row_of
 from foldback.server.pages import site as pages
