@@ -5,9 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Final
 
 from foldback.planner.progress import Cancelled
 
+TIME_LIMIT: Final = "time limit"
+MEMORY_LIMIT: Final = "memory limit"
+"""Verdicts of cases that have used up their wall or processor time, or their memory."""
+ERROR: Final = "error"
+"""Verdict of a case whose computation has raised an error."""
+LOST: Final = "lost"
+"""Verdict of a case that its executor has given up, such as one whose machines all ended."""
 Value = str | int | float | bool | None
 Row = dict[str, Value]
 """A row of a sweep's table: values by the names of their columns."""

@@ -24,7 +24,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Final, NoReturn
 
-from foldback.planner.sweeps.case import Case, Outcome, Value
+from foldback.planner.sweeps.case import ERROR, MEMORY_LIMIT, Case, Outcome, Value
 
 CPU_GRACE_S: Final = 10
 """Processor time, in s, that a case may take beyond twice its limit, to store what it has."""
@@ -136,9 +136,9 @@ def _outcome_of(pickled: bytes) -> Outcome:
             if not isinstance(value, Value):  # pyright: ignore[reportUnnecessaryIsInstance]
                 raise TypeError(f"got {value!r} in the column {column!r}, expected {Value}")
     except MemoryError:
-        return Outcome(row={"verdict": "memory limit"})
+        return Outcome(row={"verdict": MEMORY_LIMIT})
     except BaseException as error:  # also sys.exit() of a library: a row, and the sweep goes on
-        return Outcome(row={"verdict": "error", "error": f"{type(error).__name__}: {error}"})
+        return Outcome(row={"verdict": ERROR, "error": f"{type(error).__name__}: {error}"})
     return outcome
 
 

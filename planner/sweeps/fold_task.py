@@ -6,17 +6,14 @@ import json
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from foldback.planner.chain.built_in_modules import document_of
 from foldback.planner.errors import InputError
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.progress import STAGES, Cancelled
 from foldback.planner.storage.file_names import ATTEMPTS, CHAIN
-from foldback.planner.sweeps.case import Outcome, Row
-
-TIME_LIMIT: Final = "time limit"
-"""Verdict on a fold that has used up its time."""
+from foldback.planner.sweeps.case import TIME_LIMIT, Outcome, Row
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

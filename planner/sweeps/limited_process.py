@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection
 from typing import Final
 
 from foldback.planner.progress import never
-from foldback.planner.sweeps.case import Case, Outcome, Row
+from foldback.planner.sweeps.case import ERROR, MEMORY_LIMIT, TIME_LIMIT, Case, Outcome, Row
 
 POLL_S: Final = 0.05
 """Time, in s, between two readings of the memory of a case's process."""
@@ -29,10 +29,6 @@ FORKER_ENVIRONMENT: Final = {
     "GLIBC_TUNABLES": "glibc.malloc.hugetlb=1",
 }
 """Environment of case forkers, unless the environment of their worker says otherwise."""
-TIME_LIMIT: Final = "time limit"
-"""Verdict of a case whose process was killed after its limit of wall or processor time."""
-MEMORY_LIMIT: Final = "memory limit"
-"""Verdict of a case whose process was killed because of its memory."""
 
 
 def run_limited(case: Case, is_unwanted: Callable[[], bool] = never) -> Outcome:
@@ -69,7 +65,7 @@ def _compute(case: Case, is_unwanted: Callable[[], bool]) -> Outcome:
             return outcome
         except Exception as problem:
             error = f"{type(problem).__name__}: {problem}"
-    return Outcome(row={"verdict": "error", "error": error})
+    return Outcome(row={"verdict": ERROR, "error": error})
 
 
 class _Forker:

@@ -9,13 +9,11 @@ from queue import SimpleQueue
 from typing import Final
 
 from foldback.planner.storage.files import write_whole
-from foldback.planner.sweeps.case import Case, Outcome, Row
+from foldback.planner.sweeps.case import LOST, Case, Outcome, Row
 from foldback.planner.sweeps.limited_process import run_limited
 
 CASES_PER_WORKER: Final = 4
 """Number of cases that are handed out for each worker: enough that none waits for the command."""
-LOST: Final = "lost"
-"""Verdict of a case that its executor has given up, such as one whose machines all ended."""
 
 
 def run_cases(

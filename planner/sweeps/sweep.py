@@ -255,16 +255,14 @@ def check_spec(spec: SweepSpec, directory: Path) -> None:
     path = directory / SPEC_FILE
     if not path.exists():
         return
-    values, stored = SweepSpec.of(spec.as_dict(), Path()), SweepSpec.from_toml(path)
-    pairs = [
-        (name, getattr(stored, name), getattr(values, name))
-        for name in SweepSpec.__struct_fields__
-        if name != "map"
-    ]
+    stored, current = (
+        {name: getattr(spec, name) for name in SweepSpec.__struct_fields__ if name != "map"}
+        for spec in (SweepSpec.from_toml(path), SweepSpec.of(spec.as_dict(), Path()))
+    )
     different = [
-        f"{name} is {to_plain(there)!r} there and {to_plain(here)!r} here"
-        for name, there, here in pairs
-        if there != here
+        f"{name} is {to_plain(value)!r} there and {to_plain(current[name])!r} here"
+        for name, value in stored.items()
+        if value != current[name]
     ]
     if different:
         raise InputError(

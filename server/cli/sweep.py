@@ -22,9 +22,9 @@ from foldback.cli.exit_statuses import NOT_ACHIEVED
 from foldback.cli.inputs import refuse
 from foldback.planner.errors import InputError
 from foldback.planner.parameters.parameters import PRESET_CHOICES, STRATEGY_CHOICES
+from foldback.planner.sweeps.case import LOST
 from foldback.planner.sweeps.executors import Place
 from foldback.planner.sweeps.map import PAGE, PAGE_OF_PLAN, PLANS_DIR, PLAYERS_DIR
-from foldback.planner.sweeps.run import LOST
 from foldback.planner.sweeps.spec import SweepSpec
 from foldback.planner.sweeps.sweep import SPEC_FILE, SweepState
 
