@@ -195,7 +195,11 @@ def disk_failed(driver: Driver) -> None:
     """Make the disk read-only; then restart everything on the repaired disk."""
     if not driver.site.disk.real:
         driver.site.kill_everything()
-    driver.site.disk.fail()
+    # On Linux 6.18, fdatasync of ext4 may report success if the journal is aborted meanwhile, and
+    # the data are then lost: in 11 of 60 failures while four programs appended to files, and in 0
+    # of 60 while they were paused. No program can survive that, and a power cut does not do it.
+    with driver.site.paused():
+        driver.site.disk.fail()
     _broken_storage(driver, "the disk was read-only")
     driver.witness.condition = "the disk was read-only"
     driver.site.kill_everything()

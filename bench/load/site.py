@@ -7,8 +7,8 @@ import shutil
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager, suppress
+from collections.abc import Callable, Generator, Mapping
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -162,6 +162,21 @@ class Site:
             assert time.monotonic() < deadline, "a killed process is still there"
             time.sleep(0.02)
 
+    @contextmanager
+    def paused(self) -> Generator[None]:
+        """Pause all processes, none of them inside a system call, while the context lasts."""
+        while running := [process for process in self.processes() if not _is_paused(process.pid)]:
+            for process in running:
+                with suppress(psutil.Error):
+                    process.suspend()
+            time.sleep(0.01)
+        try:
+            yield
+        finally:
+            for process in self.processes():
+                with suppress(psutil.Error):
+                    process.resume()
+
     def end(self) -> None:
         """Stop all processes gracefully."""
         for host in self._hosts:
@@ -195,6 +210,18 @@ class Site:
         with suppress(httpx.TransportError, RuntimeError):
             return self.web.http.request(method, path, **request_options)
         return None
+
+
+def _is_paused(pid: int) -> bool:
+    """Return True if all threads of a process are paused."""
+    try:
+        states = [
+            (task / "stat").read_text().rpartition(")")[2].split()[0]
+            for task in Path(f"/proc/{pid}/task").iterdir()
+        ]
+    except OSError:  # it, or one of its threads, ends
+        return False
+    return all(state in "TZX" for state in states)
 
 
 def _kind(command: list[str]) -> str:
