@@ -153,9 +153,9 @@ class _Fold:
             *certificate_words.main_rows(self.certificate),
             ("Modules", row.modules or None),
             ("Likeness", likeness_words(self.summary.get("likeness"))),
-            ("Module width (1 pitch)", length_m(self.chain.get("pitch_m"))),
-            ("Method", STRATEGY_LABELS.get(str(self.explosion.get("strategy")))),
-            ("Preset", PRESET_LABELS.get(row.preset, row.preset)),
+            ("Spacing of the modules (1 pitch)", length_m(self.chain.get("pitch_m"))),
+            ("Strategy", STRATEGY_LABELS.get(str(self.explosion.get("strategy")))),
+            ("Method", PRESET_LABELS.get(row.preset, row.preset)),
             (
                 "Environment",
                 "In zero gravity" if row.world == FLOATING else "On a table, with gravity",
@@ -171,7 +171,7 @@ class _Fold:
             ("Name", row.called),
             ("Joints", self.module.joint_after(row.modules - 1) if row.modules else None),
             ("Chosen for", preference_text),
-            ("Seed", self.summary.get("seed", row.seed)),
+            ("Random start (seed)", self.summary.get("seed", row.seed)),
             ("Identifier", row.id),
         ]
 

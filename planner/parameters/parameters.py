@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 World = Literal["floating", "table"]
 PRESET_CHOICES: Final[Choices] = {
-    "default": Choice(label="Default"),
-    "paper": Choice(label="Published parameters", note="the published method"),
+    "default": Choice(label="foldback’s own"),
+    "paper": Choice(label="As in the paper", note="the published method"),
     "direct": Choice(
         label="Direct servoing (usually fails)",
         note="turns all joints directly to their final angles; fails for most shapes",

@@ -293,12 +293,11 @@ TEXTS: Final = {
         "only one cell touches the floor, but the first two modules must lie on the floor."
     ),
     PathCode.TIPS_OVER: (
-        "{subject} would tip over: its centre of mass is {outside:.2g} module widths outside its "
-        "base."
+        "{subject} would tip over: its centre of mass is {outside:.2g} spacings outside its base."
     ),
     PathCode.ALMOST_TIPS_OVER: (
-        "{subject} would almost tip over: its centre of mass is {margin:.2g} module widths inside "
-        "the edge of its base, but at least {min_margin:g} module widths are needed."
+        "{subject} would almost tip over: its centre of mass is {margin:.2g} spacings inside "
+        "the edge of its base, but at least {min_margin:g} spacings are needed."
     ),
     PathCode.OVERHANG: (
         "{cells} with nothing below {connect} {parts} separate parts; a chain that never goes down "
@@ -337,7 +336,7 @@ TEXTS: Final = {
     ),
     PathCode.NOT_STABLE: (
         "the first {cells} of the path would tip over: their centre of mass must be at least "
-        "{min_margin:g} module widths inside the edge of their base.{others}"
+        "{min_margin:g} spacings inside the edge of their base.{others}"
     ),
 }
 """Text of each reason."""

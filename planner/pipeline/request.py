@@ -103,7 +103,7 @@ class FoldRequest(PathOptions):
         help="Folding method. `default` is foldback's own method, and `paper` is the published "
         "method. For comparison, `direct` turns all joints directly to their final angles (direct "
         "servoing); it fails for most shapes.",
-        label="Preset",
+        label="Method",
         choices=PRESET_CHOICES,
     )
     settings: str = option(
@@ -115,7 +115,13 @@ class FoldRequest(PathOptions):
         "`foldback settings` explains all settings.",
         max_chars=MAX_TEXT_CHARS,
     )
-    seed: int = option(0, title="Random seed", help="", label="Seed", range=(0, MAX_SEED))
+    seed: int = option(
+        0,
+        title="Random seed",
+        help="Another number leads to another motion.",
+        label="Random start",
+        range=(0, MAX_SEED),
+    )
     module_size: float | None = option(
         None,
         title="Module size in the clearance check, as a fraction of the pitch",
@@ -173,7 +179,7 @@ class FoldRequest(PathOptions):
         "The comparison tries other strategies, paths and smoothings. It takes about ten times as "
         "long, but at most about 300 s longer. `attempts` in the plan lists all "
         "compared plans with their figures.",
-        label="Preferred plan",
+        label="Look for",
         choices={**PREFERENCES},
     )
     filename: str | None = None

@@ -31,7 +31,7 @@ def test_numbers_and_places_are_put_into_words() -> None:
         (
             PathReason.of(PathCode.TIPS_OVER, margin=-0.25, layers=2),
             "a chain folds the lowest 2 layers first, and this part would tip over: its centre of "
-            "mass is 0.25 module widths outside its base.",
+            "mass is 0.25 spacings outside its base.",
         ),
         (
             PathReason.of(PathCode.FIRST_LINK).with_values(found=True),

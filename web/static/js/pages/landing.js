@@ -55,8 +55,8 @@ for (const field of [get("preset"), get("seed")]) {
   field.addEventListener("input", () => {
     const { preset, seed } = presetAndSeed();
     const settings = [
-      preset && `the preset “${get("preset").selectedOptions[0].textContent}”`,
-      seed && `the seed ${seed}`,
+      preset && `the method “${get("preset").selectedOptions[0].textContent}”`,
+      seed && `the random start ${seed}`,
     ]
       .filter(Boolean)
       .join(" and ");
