@@ -77,7 +77,7 @@ def main() -> None:
             page = browser.new_page(
                 viewport={"width": SIZE[0], "height": SIZE[1]}, color_scheme="light"
             )
-            page.goto(address)
+            page.goto(f"{address}#frame=1")  # an address with a view starts no tour
             page.locator("#sketch.gone").wait_for(state="attached")
             page.add_style_tag(content=BARE)
             pictures = [_picture(page, frame) for frame in _chosen(frames.phase)]
