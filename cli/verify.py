@@ -10,9 +10,10 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from foldback import foldback_check
 from foldback.cli.exit_statuses import NOT_ACHIEVED
 from foldback.cli.inputs import refuse
-from foldback.cli.options import SIZE_OF_PLAN_HELP, AsJson, FoldDirectory
+from foldback.cli.options import SIZE_OF_PLAN_HELP, AsJson
 from foldback.planner.certificate.swept_motions import followed
 from foldback.planner.clearance.margins import largest_size as find_largest
 from foldback.planner.errors import InputError, TimelineError
@@ -34,7 +35,12 @@ class OtherProgram(StrEnum):
 
 
 def verify(
-    directory: FoldDirectory,
+    directory: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DIR", help="Folder written by `foldback fold`, or a plan alone: plan.npz."
+        ),
+    ],
     module_size: Annotated[
         str | None, typer.Option(metavar="FLOAT", help=SIZE_OF_PLAN_HELP)
     ] = None,
@@ -57,6 +63,16 @@ def verify(
     as_json: AsJson = False,
 ) -> None:
     """Recheck a plan's files and figures; replay the plan in the simulator MuJoCo."""
+    if directory.is_file():
+        if largest_size or program:
+            error = InputError(
+                "no-directory",
+                "got a file, expected the whole folder of a fold for --largest-size and --with.",
+                where=str(directory),
+            )
+            refuse(error, as_json)
+        _verify_plan(directory, module_size, as_json=as_json)
+        return
     with_ipctk = program is OtherProgram.IPCTK
     result = _verification(directory, module_size, third_opinion=with_ipctk, as_json=as_json)
     largest = _largest(directory, result) if largest_size and result.verified else None
@@ -69,6 +85,24 @@ def verify(
         raise typer.Exit(NOT_ACHIEVED)
 
 
+def _verify_plan(path: Path, module_size: str | None, *, as_json: bool) -> None:
+    """Prove from a plan's file alone that its motion is clear; end the command if it is not."""
+    try:
+        request = FoldRequest.of(module_size=module_size)
+        request.check()
+        result = foldback_check.check(str(path), request.module_size)
+    except InputError as error:
+        refuse(error, as_json)
+    except ValueError as error:
+        refuse(
+            InputError("bad-plan", f"{error}; expected plan.npz of a fold.", where=str(path)),
+            as_json,
+        )
+    foldback_check.show(result, as_json)
+    if str(result["verdict"]).startswith("not "):
+        raise typer.Exit(NOT_ACHIEVED)
+
+
 def _verification(
     directory: Path, module_size: str | None, *, third_opinion: bool, as_json: bool
 ) -> Verification:
@@ -77,10 +111,9 @@ def _verification(
         request = FoldRequest.of(module_size=module_size)
         request.check()
         if not directory.is_dir():
-            problem_text = "This is not a folder" if directory.exists() else "Folder not found"
             raise InputError(
                 "no-directory",
-                f"{problem_text}; expected a folder that `foldback fold` wrote.",
+                "Folder not found; expected a folder that `foldback fold` wrote, or plan.npz.",
                 where=str(directory),
             )
         return verify_files(directory, module_size=request.module_size, third_opinion=third_opinion)

@@ -44,6 +44,7 @@ class ShownFold:
     summary: FoldSummary = field(default_factory=FoldSummary)
     error: Fault | None = None
     renamed: bool = False
+    created_at: float | None = None
 
     @property
     def words(self) -> ModuleWords:

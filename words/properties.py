@@ -139,7 +139,7 @@ class _Fold:
     @property
     def plan(self) -> dict[str, dict[str, Any]]:
         over = self.row.status in ("verified", "failed")
-        return _settings_of(self.directory / PLAN) if over else {}
+        return settings_of(self.directory / PLAN) if over else {}
 
     @property
     def verdict(self) -> str:
@@ -279,7 +279,7 @@ def _shown(rows: Rows) -> list[Property]:
     ]
 
 
-def _settings_of(path: Path) -> dict[str, dict[str, Any]]:
+def settings_of(path: Path) -> dict[str, dict[str, Any]]:
     """Return parameters and versions of a plan without its frames, which may take 100 MB."""
     try:
         return _settings_at(path, path.stat().st_mtime_ns)

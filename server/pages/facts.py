@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Final, Literal, NotRequired, TypedDict, cast
+from typing import Final, Literal, NotRequired, TypedDict, cast, get_args
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from foldback.planner.certificate.figures import (
     FoldSummary,
 )
 from foldback.planner.errors import UNREADABLE
+from foldback.planner.exports.export import Export
 from foldback.planner.exports.formats import exports_of
 from foldback.planner.motion.record import TableRecord
 from foldback.planner.parameters.parameters import FLOATING, TURN_STRATEGIES
@@ -41,6 +42,7 @@ from foldback.words.failures import AttemptWords, Failure, attempts, failure, ti
 from foldback.words.fold import RUNNING_STATUSES, ShownFold, has_motion, step_count
 from foldback.words.plan_choice import Choice, choice_of
 from foldback.words.properties import Properties, properties
+from foldback.words.purposes import FileName, Purpose, purposes_of
 from foldback.words.reachability import FullSize
 from foldback.words.smoothing import (
     BeforeAfter,
@@ -86,6 +88,9 @@ SCRIPT_FACTS: Final = (
     *("tightest", "steps", "compare", "refold", "embed", "editable", "options", "full_size"),
 )
 """Facts that the scripts of pages use."""
+
+USUAL_TRAJECTORY: Final = "trajectory?max_speed=1&max_acceleration=2&format=csv"
+"""Trajectory with the limits that the page proposes, rad/s and rad/s²."""
 
 Form = dict[str, str | int | float]
 """Fields of a form that requests a fold."""
@@ -154,6 +159,7 @@ class FoldFacts(TypedDict):
     files: list[Download]
     properties: list[Properties]
     full_size: FullSize | None
+    purposes: list[Purpose]
     downloads: list[Download]
     downloads_hint: str
     checkable: bool
@@ -224,6 +230,7 @@ def fold_facts(
         "files": [] if running else _files(located),
         "full_size": full_size_of(located),
         "properties": properties(row, summary, certificate, directory),
+        "purposes": _purposes(located) if has_plan else [],
         "downloads": _downloads(row, summary) if has_plan else [],
         "downloads_hint": NO_DOWNLOADS_YET if running else NO_DOWNLOADS,
         "checkable": bool(has_plan) and row.status == "verified",
@@ -243,12 +250,32 @@ def _downloads(row: ShownFold, summary: FoldSummary) -> list[Download]:
     """Return the formats in which the plan of a fold can be downloaded."""
     return [
         {"label": export.label, "hint": export.hint, "href": export_href(row.id, export)}
-        for export in exports_of(
-            moving=has_motion(summary),
-            resting=step_count(summary) > 0,
-            coded=is_coded(row.module),
-        )
+        for export in _exports(row, summary)
     ]
+
+
+def _exports(row: ShownFold, summary: FoldSummary) -> tuple[Export, ...]:
+    return exports_of(
+        moving=has_motion(summary), resting=step_count(summary) > 0, coded=is_coded(row.module)
+    )
+
+
+def _purposes(located: LocatedFold) -> list[Purpose]:
+    """Return what people may want to do with a fold, with the file for each."""
+    row = located.row
+    files: dict[FileName, str] = {
+        name: export_href(row.id, export)
+        for export in _exports(row, row.summary)
+        for name in get_args(FileName)
+        if name == export.name
+    }
+    if _files(located):
+        files["html"] = f"/folds/{row.id}/{VIEW_FILES[0][0]}"
+    if row.status == "verified":
+        files["trajectory"] = f"/api/folds/{row.id}/{USUAL_TRAJECTORY}"
+    else:
+        files.pop("npz", None)  # nothing is proved of it
+    return purposes_of(row, files)
 
 
 def _files(located: LocatedFold) -> list[Download]:
@@ -275,6 +302,7 @@ def _with_damage(facts: FoldFacts, damaged: list[str]) -> FoldFacts:
         changed["refoldable"] = changed["comparable"] = False
         changed["smooth_question"] = None
         changed["files"], changed["downloads"], changed["compare"] = [], [], []
+        changed["purposes"] = []
         changed["movies"] = []
         changed["checkable"] = False
     return changed

@@ -14,7 +14,7 @@ from fastapi.responses import HTMLResponse, JSONResponse, Response
 from foldback.planner.chain.chain_attributes import chain_from_attributes
 from foldback.planner.errors import UNREADABLE, PlannerError
 from foldback.planner.pipeline.fold_layout import result_path
-from foldback.planner.storage.file_names import CHAIN
+from foldback.planner.storage.file_names import CHAIN, PLAN
 from foldback.planner.verification.integrity import damaged_among
 from foldback.server.context import context_of
 from foldback.server.http.response_cache import mark
@@ -28,8 +28,10 @@ from foldback.server.viewing.fold_lookup import find_now, viewing_of
 from foldback.web.pictures.isometric import isometric_svg
 from foldback.web.pictures.isometric_modules import chain_svg
 from foldback.web.pictures.picture_view import PictureView
+from foldback.words.citation import bibtex
 from foldback.words.fold import RUNNING_STATUSES
 from foldback.words.missing_pages import NO_FOLD
+from foldback.words.properties import settings_of
 
 router = APIRouter(include_in_schema=False)
 
@@ -56,9 +58,16 @@ def _fold_page(request: Request, fold_id: str) -> Response:
         drawing=drawing_in(located.directory) if drawable else "",
         details=True,
         has_service=viewing_of(request).settings is not None,
-        origin=origin_of(request),
+        origin=(origin := origin_of(request)),
+        citation=_citation(located, f"{origin}/folds/{fold_id}") if facts["purposes"] else "",
         view=_asked_view(request),
     )
+
+
+def _citation(located: LocatedFold, address: str) -> str:
+    """Return the BibTeX entry of a fold at an address."""
+    versions = settings_of(located.directory / PLAN).get("versions", {})
+    return bibtex(located.row, address=address, version=versions.get("foldback"))
 
 
 def _asked_view(request: Request) -> str:

@@ -51,9 +51,10 @@ def open_all_pages(base_url: str, browser: Browser) -> None:
         page.wait_for_function("() => +document.getElementById('scrub').value > 0")
     page.locator("#sketch.gone").wait_for(state="attached")  # the 3D view is shown
     open_tab(page, "downloads")
-    links = page.locator("#panel-downloads .downloads a:visible")
+    page.get_by_text("All files", exact=True).click()
+    links = page.locator("#panel-downloads a[download]:visible")
     for href in links.evaluate_all("(all) => all.map((one) => one.href)"):
-        assert httpx.head(href).is_success, href
+        assert httpx.head(href, timeout=60).is_success, href
     assert page.locator('meta[property="og:image"]').get_attribute("content") == (
         f"{base_url}/folds/{fold}/picture.png"
     )

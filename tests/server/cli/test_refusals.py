@@ -16,7 +16,8 @@ SERVOS = "servos --torque 4 --pitch-mm 40"
 REFUSALS = {
     "unfold": "No such command 'unfold'",
     "verify nowhere": "Folder not found",
-    "verify file": "This is not a folder",
+    "verify file": "no zip archive",
+    "verify file --largest-size": "expected the whole folder",
     "fold --out out": "got nothing to fold, expected one of INPUT",
     "fold wrench-24 --angles '- - - +' --out out": "got INPUT and --angles, expected one of INPUT",
     "fold wrench-24 --module sphere --out out": "a module file, or one of: cube, tetrahedron",

@@ -47,7 +47,10 @@ def test_failed_fold_offers_another_try(tmp_path: Path) -> None:
     again_command = fold_facts(failed_fold(tmp_path, 0, seed=2**32 - 1))["again"]
     assert again_command["text"] == "Try another random seed" and again_command["form"]["seed"] == 0
     again_command = fold_facts(failed_fold(tmp_path, 0, strategy="turns"))["again"]
-    assert again_command["text"] == "Try an explosion" and "strategy" not in again_command["form"]
+    assert (
+        again_command["text"] == "Try to unfold all hinges at once"
+        and "strategy" not in again_command["form"]
+    )
     plain = fold_facts(failed_fold(tmp_path, 0, status="verified", preset="paper"))["compare"]
     settable = {way["text"]: way["settable"] for way in plain if "settable" in way}
     assert settable == {"Published method, modified": "must"}
@@ -56,7 +59,7 @@ def test_failed_fold_offers_another_try(tmp_path: Path) -> None:
 def test_fold_in_turns_may_be_compared_with_an_explosion(tmp_path: Path) -> None:
     def offered(summary: dict[str, Any]) -> list[Any]:
         offers = fold_facts(failed_fold(tmp_path, 0, status="verified", summary=summary))["compare"]
-        return [offer["form"] for offer in offers if offer["text"] == "By an explosion"]
+        return [offer["form"] for offer in offers if offer["text"] == "All hinges at once"]
 
     assert not offered({"explosion": {"strategy": "simultaneous"}, "playback": {}})
     (form,) = offered({"explosion": {"strategy": "turns"}, "playback": {"rest_frames": [0, 5, 9]}})

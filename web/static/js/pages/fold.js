@@ -126,6 +126,15 @@ get("rests").onclick = () => {
   drawer.openAt("properties");
   /** @type {HTMLDetailsElement} */ (get("on-table").querySelector("details")).open = true;
 };
+get("downloads")?.addEventListener("click", ({ target }) => {
+  const { id, dataset } =
+    (target instanceof Element && target.closest("button")) || get("downloads");
+  if (id === "cite-copy") downloads((panel) => panel.copyCitation());
+  if (id === "cite-save") downloads((panel) => panel.saveCitation());
+  if (dataset.check === undefined) return;
+  drawer.openAt("properties");
+  checking((check) => check.begin("claim"));
+});
 get("downloads")?.addEventListener("input", ({ target }) =>
   downloads((panel) => panel.choose(formOf(target))),
 );

@@ -1,7 +1,7 @@
-// Movies and torques of a fold, requested by the forms of the Download tab.
+// Citation, movies and torques of a fold, requested in the Download tab.
 import { motorWords } from "./motor_words.js";
 import { Refusal, ask, askUntil, ownKey, tokenOf } from "../lib/api.js";
-import { at, element, get, toast, wordsOf } from "../lib/text.js";
+import { at, copyText, element, get, save, toast, wordsOf } from "../lib/text.js";
 
 const LOOK_MS = 1000;
 const FORBIDDEN = 403;
@@ -54,6 +54,18 @@ export function choose(form) {
     link.href = address.href;
   }
 }
+
+const citation = () => get("citation").textContent;
+
+export const copyCitation = () =>
+  copyText(
+    citation(),
+    () => toast("Copied"),
+    () => getSelection()?.selectAllChildren(get("citation")),
+  );
+
+export const saveCitation = () =>
+  save(new Blob([citation()], { type: "application/x-bibtex" }), "foldback.bib");
 
 // Request a movie, and show its progress until it can be downloaded.
 /**
