@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from datetime import UTC, datetime
 from typing import Final
 
@@ -38,26 +37,26 @@ def bibtex(row: ShownFold, *, address: str, version: str | None) -> str:
         day = datetime.fromtimestamp(row.created_at, UTC).date()
         fields |= {"year": f"{day.year}"}
         note = f"Computed on {day.isoformat()} with {software}"
-    fields |= {"howpublished": f"\\url{{{_escaped_url(address)}}}", "note": _escaped(note)}
+    fields |= {"howpublished": f"\\url{{{address.translate(_URL_SIGNS)}}}", "note": _escaped(note)}
     lines = "".join(f"  {name} = {{{value}}},\n" for name, value in fields.items())
     return f"@misc{{foldback-{row.id[:8]},\n{lines}}}\n\n{PAPER_ENTRY}"
 
 
-_COMMANDS: Final = {
-    "\\": r"\textbackslash ",
-    "~": r"\textasciitilde ",
-    "^": r"\textasciicircum ",
-    "{": r"\textbraceleft ",
-    "}": r"\textbraceright ",
-}
-"""Commands for signs that a backslash does not escape, or that BibTeX counts as braces."""
+_TEX_SIGNS: Final = str.maketrans(
+    {
+        **{sign: f"\\{sign}" for sign in "&%$#_"},
+        "\\": r"\textbackslash ",
+        "~": r"\textasciitilde ",
+        "^": r"\textasciicircum ",
+        "{": r"\textbraceleft ",
+        "}": r"\textbraceright ",
+    }
+)
+"""What stands for signs with a meaning in TeX; BibTeX counts braces even after a backslash."""
+_URL_SIGNS: Final = str.maketrans({sign: f"%{ord(sign):02X}" for sign in "\\{}"})
+"""What stands for signs that would end the command of an address."""
 
 
 def _escaped(text: str) -> str:
     """Return a text in which no sign has a meaning in TeX or BibTeX."""
-    return re.sub(r"[\\~^{}&%$#_]", lambda sign: _COMMANDS.get(sign[0], f"\\{sign[0]}"), text)
-
-
-def _escaped_url(address: str) -> str:
-    """Return an address without braces and backslashes, which would end its command."""
-    return re.sub(r"[\\{}]", lambda sign: f"%{ord(sign[0]):02X}", address)
+    return text.translate(_TEX_SIGNS)
