@@ -30,6 +30,7 @@ from bench.scaling import scaling
 from bench.sections import write_sections
 from bench.service.browser_check import browser_check
 from bench.service.dropped_mesh import dropped_mesh
+from bench.service.film import films
 from bench.service.kiosk import kiosk
 from bench.service.link_views import link_views
 from bench.service.movies import movies
@@ -104,6 +105,7 @@ SECTIONS = {
     "dropped": dropped_mesh,
     "kiosk": kiosk,
     "movies": movies,
+    "film": films,
     "remaining": remaining_time,
     "sites": sites,
     "tours": tours,
