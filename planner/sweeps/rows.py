@@ -63,7 +63,7 @@ def with_shared_texts(row: Row) -> Row:
     returns them.
     """
     return {
-        sys.intern(name): sys.intern(value) if isinstance(value, str) else value
+        sys.intern(name): sys.intern(value) if isinstance(value, str) and name != "key" else value
         for name, value in row.items()
     }
 
