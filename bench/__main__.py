@@ -17,6 +17,7 @@ from bench.likeness import likeness, likeness_folds, likeness_tetrahedra, previe
 from bench.long_folds import long_folds
 from bench.machine import machine
 from bench.meshes import meshes
+from bench.motion_quality import motion_quality
 from bench.mujoco_robot import mujoco_robot
 from bench.ode.comparison import ode
 from bench.page_speed import page_speed
@@ -92,6 +93,7 @@ SECTIONS = {
     "table-tetrahedra": table_tetrahedra,
     "tetrahedra": tetrahedra,
     "smoothing": smoothing,
+    "motion-quality": motion_quality,
     "snakes": snakes,
     "snake-folds": snake_folds,
     "snake-cubes": snake_cubes,

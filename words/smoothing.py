@@ -84,7 +84,7 @@ def smoothing_question(seconds: float, *, by_turns: bool) -> str:
     rounded = next((step for step in ROUNDED_SECONDS if seconds <= step), None)
     time = about(seconds) if rounded is None else f"about {rounded} s"
     return (
-        f"{SMOOTHING_AIMS[by_turns]} This takes {time}. It keeps this fold: the smoothed one "
+        f"{SMOOTHING_AIMS[by_turns]} This takes {time}. This fold stays as it is; the smoothed one "
         "becomes a fold of its own, and you can compare both."
     )
 

@@ -16,7 +16,7 @@ from foldback.planner.errors import UNREADABLE
 from foldback.planner.exports.export import Export
 from foldback.planner.exports.formats import exports_of
 from foldback.planner.motion.record import TableRecord
-from foldback.planner.parameters.parameters import FLOATING, TURN_STRATEGIES
+from foldback.planner.parameters.parameters import BASELINE, FLOATING, TURN_STRATEGIES
 from foldback.planner.parameters.settings_text import TABLE_SETTINGS
 from foldback.planner.pathfinding.path_options import MAX_TABLE_MODULES
 from foldback.planner.pipeline.fold_layout import result_path
@@ -434,15 +434,20 @@ def _on_table(row: ShownFold, directory: Path) -> TableRecord | None:
 
 
 def _smooth_question(row: ShownFold, summary: FoldSummary, expected: Expected) -> str | None:
-    """Return the question before a plan is smoothed; None if it is smoothed already or too long."""
+    """Return the question before a plan is smoothed; None if it should not or cannot be.
+
+    Turns of one hinge at a time are the calmest motion, which smoothing would disturb.
+    """
+    explosion = summary.get("explosion") or {}
     if (
         row.status != "verified"
         or row.world != FLOATING
         or summary.get("refold")
         or summary.get("smoothing")
+        or explosion.get("strategy") == BASELINE
     ):
         return None
-    frames = (summary.get("explosion") or {}).get("frames") or 0
+    frames = explosion.get("frames") or 0
     if frames * int(summary.get("hinges") or 0) > MAX_SMOOTHED_ANGLES:
         return None
     smoothed = plain_fold(row.modules, FoldRequest(module=row.module))

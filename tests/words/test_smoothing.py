@@ -51,5 +51,5 @@ def test_nothing_is_claimed_without_figures() -> None:
 def test_question_states_time_and_what_remains() -> None:
     texts = {s: smoothing_question(s, by_turns=False) for s in (3.2, 8.0, 50.0, 200.0)}
     for seconds, time in ((3.2, "5 s"), (8.0, "10 s"), (50.0, "a minute"), (200.0, "3 minutes")):
-        assert f"This takes about {time}. It keeps this fold" in texts[seconds]
+        assert f"This takes about {time}. This fold stays" in texts[seconds]
     assert smoothing_question(3.2, by_turns=True).startswith("The hinges of this fold already")

@@ -42,8 +42,14 @@ def test_smoothed_plan_is_verified_and_better(folded: Folded, tmp_path: FilePath
         ("length_rad", 0.8),
         ("peak_speed_rad_s", 0.8),
         ("peak_torque_nm", 1.0),
+        ("travel_ratio", 0.95),
+        ("reversals_mean", 0.7),
     ):
         assert after[name] <= maximum * before[name], name
+    # The same figures as those of the certificates.
+    for moment, certificate in ((before, folded.plan.certificate), (after, plan.certificate)):
+        assert moment["travel_ratio"] == certificate.travel_ratio
+        assert moment["reversals_mean"] == certificate.reversals_mean
     # Clearances are compared at one module size.
     frames = folded.plan.joint_angles_rad
     assert before["clearance"] == pytest.approx(
