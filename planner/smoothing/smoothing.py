@@ -21,7 +21,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -42,14 +42,36 @@ from foldback.planner.smoothing.smoothing_targets import (
     worthwhile,
 )
 
-MAX_EVALUATIONS: Final = 20_000
-"""Maximum number of configurations of the chain that smoothing checks for collisions in one motion;
-then it ends with the shortest motion found so far. Measured from 14 000 to 28 000: clearances of
-0.035 and 0.029 pitches, in 0.8 to 1 times the time (decision 0051)."""
-TORQUE_WEIGHTS: Final = ((0.6, 0.15), (1.0, 0.6))
-"""Stages of smoothing a motion: (fraction of the budget of clearance checks at which the stage
-ends, weight of torque in the minimised cost; at 1 torque counts as much as path length at
-first)."""
+MAX_EVALUATIONS: Final = 40_000
+"""Maximum number of configurations of the chain that smoothing checks for collisions in one motion,
+detours aside; then it ends with the shortest motion found so far."""
+HINGE_GROUPS: Final = 8
+"""Number of groups of successive hinges that follow a simpler motion one after the other, where all
+hinges together cannot."""
+
+
+class Stage(NamedTuple):
+    """One stage of smoothing a motion.
+
+    Attributes:
+        budget: Fraction of all clearance checks that the stage may use.
+        torque_weight: Weight of torque in the minimised cost; at 1 torque counts as much as path
+            length at first.
+        groups: Number of groups of hinges that follow a simpler motion one after the other.
+    """
+
+    budget: float
+    torque_weight: float
+    groups: int
+
+
+STAGES: Final = (
+    Stage(0.3, 0.15, 1),
+    Stage(0.2, 0.6, 1),
+    Stage(0.35, 0.05, HINGE_GROUPS),
+    Stage(0.15, 0.3, HINGE_GROUPS),
+)
+"""Stages of smoothing a motion, in their order. Measured: docs/decisions/0016-smoothing.md."""
 TIGHT_SIZE: Final = 0.98
 """Smallest module size, as a fraction of the pitch, with which smoothing checks for collisions; it
 uses the actual size if that is larger. Modules of this size come no closer than in the recorded
@@ -178,26 +200,28 @@ class _Smoothing:
         unit = costs.sum() / max(float(self._efforts(best, lengths).sum()), 1e-9)
         if calm:
             best = self._without_detours(best)
-        max_looks = self.max_looks
-        for share, weight in TORQUE_WEIGHTS:
-            self.max_looks = int(share * max_looks)
-            self.torque_weight = weight * unit
-            best = self._cheaper(best, cancelled)
+        for stage in STAGES:
+            self.max_looks = self.looks + int(stage.budget * self.all_looks)
+            self.torque_weight = stage.torque_weight * unit
+            best = self._cheaper(best, stage.groups, cancelled)
         return best
 
     def _without_detours(self, angles: Array) -> Array:
-        """Return the (F, J) motion with hinges between their first and last angle, where clear."""
-        everywhere = np.ones(len(angles), dtype=np.bool_)
+        """Return the (F, J) motion with hinges between their first and last angle, where clear.
+
+        All hinges try it together at first, then by groups.
+        """
         # so that hinges do not stop suddenly: docs/decisions/0034-calm-motion.md
         target = mean(direct(angles), 12)
-        motion = self._followed(angles, target, everywhere, inf)
-        return angles if motion is None else self._refined(motion)
+        for groups in (1, HINGE_GROUPS):
+            angles = self._followed_by_groups(angles, target, groups)
+        return self._refined(angles)
 
-    def _cheaper(self, best: Array, cancelled: Cancelled) -> Array:
-        """Return the (F, J) motion after passes until they gain too little."""
+    def _cheaper(self, best: Array, groups: int, cancelled: Cancelled) -> Array:
+        """Return the (F, J) motion after passes by groups of hinges until they gain too little."""
         stale = 0
         while stale < 2 and self.looks < self.max_looks and not cancelled():
-            motion = self._resampled(self._simplified(best, cancelled))
+            motion = self._resampled(self._simplified(best, groups, cancelled))
             gain = 1.0 - self._costs(motion).sum() / self._costs(best).sum()
             if gain <= 0.0:
                 break
@@ -205,9 +229,8 @@ class _Smoothing:
             stale = stale + 1 if gain < MIN_PASS_GAIN else 0
         return best
 
-    def _simplified(self, angles: Array, cancelled: Cancelled) -> Array:
+    def _simplified(self, angles: Array, groups: int, cancelled: Cancelled) -> Array:
         """Make one pass of straight lines and means over ever smaller parts."""
-        costs = self._costs(angles)
         for lines in (True, False):
             for pieces in (1, 3, 6, 12, 24, 48):  # parts that become straight, or a mean
                 if self.looks >= self.max_looks or cancelled():
@@ -218,13 +241,41 @@ class _Smoothing:
                     break
                 begins = parts(len(angles), pieces, self.rng)
                 target = straight(angles, begins) if lines else mean(angles, pieces)
-                worth = worthwhile(costs, self._costs(target), begins)
+                motion = self._followed_by_groups(angles, target, 1, begins)
+                if motion is angles and groups > 1:
+                    motion = self._followed_by_groups(angles, target, groups, begins)
+                if motion is not angles:
+                    angles = self._refined(motion)
+        return angles
+
+    def _followed_by_groups(
+        self, angles: Array, target: Array, groups: int, begins: Ints | None = None
+    ) -> Array:
+        """Return a motion towards a target by one group of hinges after the other, where clear.
+
+        While two modules are close, all hinges between them keep their angles; a group may still
+        follow where the whole chain cannot.
+
+        Args:
+            angles, target: (F, J) motions with the same first and last frame.
+            groups: Number of groups of successive hinges.
+            begins: Frames at which the target's parts begin, and its last frame: those parts are
+                followed that cost less. None to follow all of it at any cost.
+        """
+        everywhere: Flags = np.ones(len(angles), dtype=np.bool_)
+        for hinges in np.array_split(np.arange(angles.shape[1]), groups):
+            part = angles.copy()
+            part[:, hinges] = target[:, hinges]
+            worth, max_cost = everywhere, inf
+            if begins is not None:
+                if self.looks >= self.max_looks:
+                    break
+                costs = self._costs(angles)
+                worth, max_cost = worthwhile(costs, self._costs(part), begins), float(costs.sum())
                 if not worth.any():
                     continue
-                motion = self._followed(angles, target, worth, float(costs.sum()))
-                if motion is not None:
-                    angles = self._refined(motion)
-                    costs = self._costs(angles)
+            motion = self._followed(angles, part, worth, max_cost)
+            angles = angles if motion is None else motion
         return angles
 
     def _followed(
