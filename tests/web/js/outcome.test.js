@@ -58,10 +58,7 @@ test("the title of a running fold shows its progress", () => {
     advance.note(now);
     return titleOf(now.status, "torus", advance);
   };
-  assert.equal(
-    title({ status: "running", stage: "read" }),
-    "Reading the input 0 % · torus · foldback",
-  );
+  assert.equal(title({ status: "running", stage: "read" }), "Preparing 0 % · torus · foldback");
   assert.equal(
     title({ status: "running", stage: "explode", fraction: 0.429 }),
     "Unfolding 42 % · torus · foldback",

@@ -1,7 +1,7 @@
 // Formatting of numbers and stages, and other common helpers: elements, storage, lazy loading.
 /** @type {Record<string, string>} */
 export const STAGES = {
-  read: "Reading the input",
+  read: "Preparing",
   explode: "Unfolding",
   play_back: "Folding",
   certify: "Checking clearance",

@@ -49,7 +49,8 @@ export class OverallProgress {
   // Return the name of the stage and its progress.
   label() {
     if (this.verified) return "✓ Verified, computing the margins …";
-    return this.writing
+    // A full first stage would look like a step back when the next one begins.
+    return this.writing || (this.stage === ORDER[0] && this.fraction >= 1)
       ? `${this.name()} …`
       : `${this.name()} ${Math.floor(100 * this.fraction)} %`;
   }

@@ -1,6 +1,6 @@
 // The timeline bar: phases as two tints, an area plot of the
 // error, the playhead, the frame number and the loop range.
-import { element, get, radians, seconds, svg, integerText } from "../lib/text.js";
+import { element, get, number as numberText, radians, svg, integerText } from "../lib/text.js";
 import { PHASES } from "./timeline.js";
 
 const REAL = "real"; // real time of the robot
@@ -203,7 +203,8 @@ export class Bar {
     get("r-phase").textContent = PHASES[state.phase] ?? "";
     this.frame.show(state);
     this.range.show(state);
-    get("r-time").textContent = state.time_s === null ? "" : seconds(state.time_s);
+    get("r-time").textContent =
+      state.time_s === null ? "" : `simulated ${numberText(state.time_s, 3)} s`;
     get("r-pace").textContent =
       state.pace === null ? "" : `${Number(state.pace.toPrecision(2))}× real time`;
     get("r-error").textContent =

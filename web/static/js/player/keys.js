@@ -179,7 +179,7 @@ const SHORTCUTS = [
       },
     },
   },
-  { labels: ["?"], text: "Show keyboard shortcuts", does: { "?": (keys) => keys.open() } },
+  { labels: ["?"], text: "Show this help", does: { "?": (keys) => keys.open() } },
 ];
 
 // Return the name of a key in the table; characters already include Shift.
