@@ -64,8 +64,8 @@ class Part(Table, frozen=True):
     seeds: Seeds | None = None
     only: list[str] | None = None
     budget: Budget = Budget()
-    files: list[Any] = msgspec.field(default_factory=list[Any])
-    request: Values = msgspec.field(default_factory=dict[str, Any])
+    files: list[Any] = []
+    request: Values = {}
 
     def folds(self, shape: str) -> bool:
         """Return True if it folds the shape of a name."""
@@ -106,10 +106,10 @@ class SweepSpec(Table, frozen=True):
     Attributes:
         base: Directory to which files are relative.
         shapes: Groups of shapes by name; one without a name if they are a list.
+        methods: Methods by name.
         seeds: Seeds of all folds: a number, a list, ``0-4``, or ``name``.
         until: ``verified`` if a later seed is tried only while no earlier one is verified.
         budget: Limits of each fold.
-        methods: Methods by name.
         grid: Values of fields of the request; their product is folded.
         keep: Folds whose plans are kept.
         map: Axes of the map.
@@ -117,11 +117,11 @@ class SweepSpec(Table, frozen=True):
 
     base: str
     shapes: dict[str, Part]
+    methods: dict[str, Part]
     seeds: Seeds = 0
     until: Literal["verified"] | None = None
     budget: Budget = Budget()
-    methods: dict[str, Part] = msgspec.field(default_factory=lambda: {"auto": Part()})
-    grid: dict[str, list[Any]] = msgspec.field(default_factory=dict[str, list[Any]])
+    grid: dict[str, list[Any]] = {}
     keep: Keep = Keep()
     map: MapAxes = MapAxes()
 
