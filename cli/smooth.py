@@ -33,7 +33,7 @@ def smooth(
     request: FoldRequest,
     as_json: AsJson = False,
 ) -> None:
-    """Make a motion shorter and smoother without reducing its clearance; exits like `fold`."""
+    """Make a motion shorter and smoother, and verify it again; exits like `fold`."""
     try:
         plan = read_plan(fold)
         if out.exists() and out.samefile(fold):

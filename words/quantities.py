@@ -11,6 +11,8 @@ from foldback.planner.parameters.setting import Description, descriptions
 
 SIGNIFICANT_DIGITS: Final = 3
 """Default number of significant digits to which displayed numbers are rounded."""
+NO_BREAK_SPACE: Final = "\u00a0"
+"""Space between a number and its unit, at which browsers must not break the line."""
 SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 SI_PREFIXES: Final = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k"}
 """SI prefixes of displayed quantities by power of ten; ``SI_PREFIXES`` in ``lib/text.js`` must be

@@ -7,7 +7,7 @@ from typing import Final, TypedDict
 from foldback.planner.certificate.figures import SmoothingFigures
 from foldback.planner.smoothing import RECORDED, SOFTENED
 from foldback.words.certificate import label_of
-from foldback.words.quantities import number, quantity
+from foldback.words.quantities import NO_BREAK_SPACE, number, quantity
 from foldback.words.suggestions import about
 
 SMOOTHING_FIGURES: Final[dict[str, tuple[str, str, int]]] = {
@@ -46,6 +46,9 @@ SMOOTHING_NOTES: Final = {
 MIN_COMPARED_REVERSALS: Final = 0.05
 """Mean number of reversals of a hinge below which a motion counts as one without reversals."""
 
+MIN_KEPT_CLEARANCE: Final = 0.95
+"""Ratio of the clearance after smoothing to that before, below which the loss is stated."""
+
 
 class BeforeAfter(TypedDict):
     """One figure before and after smoothing, in words; the ratio of two numbers."""
@@ -68,7 +71,7 @@ def smoothing_rows(smoothing: SmoothingFigures) -> list[BeforeAfter]:
                 "label": label,
                 "before": str(quantity(before, unit, digits)),
                 "after": str(quantity(after, unit, digits)),
-                "ratio": f"× {after / before:.2f}" if before else "",
+                "ratio": f"×{NO_BREAK_SPACE}{after / before:.2f}" if before else "",
             }
         )
     return rows
@@ -92,11 +95,12 @@ def smoothing_question(seconds: float, *, by_turns: bool) -> str:
 def smoothing_gain(smoothing: SmoothingFigures) -> str | None:
     """Return by how much smoothing changed travel, reversals and torque, as one sentence.
 
-    None if nothing was smoothed, or if an earlier version did it.
+    It also states a loss of clearance. None if nothing was smoothed, or if an earlier version did it.
     """
     travel, new_travel = _figures(smoothing, "travel_ratio")
     reversals, new_reversals = _figures(smoothing, "reversals_mean")
     torque, new_torque = _figures(smoothing, "peak_torque_nm")
+    clearance, new_clearance = _figures(smoothing, "clearance")
     if travel is None or new_travel is None or reversals is None or new_reversals is None:
         return None
     if f"{travel:.2f}" == f"{new_travel:.2f}":
@@ -111,6 +115,8 @@ def smoothing_gain(smoothing: SmoothingFigures) -> str | None:
         parts.append(f"{count} turns back and forth of each hinge instead of none")
     if torque and new_torque:
         parts.append(f"{_change(torque, new_torque)} torque in the same time")
+    if clearance and new_clearance and new_clearance < MIN_KEPT_CLEARANCE * clearance:
+        parts.append(f"{_change(clearance, new_clearance)} clearance")
     return "; ".join(parts) + "."
 
 

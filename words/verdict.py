@@ -12,7 +12,7 @@ from foldback.words import certificate as certificate_words
 from foldback.words.failures import reason_words
 from foldback.words.fold import ShownFold
 from foldback.words.plan_choice import Choice, superlative
-from foldback.words.quantities import PRESET_LABELS, sentence
+from foldback.words.quantities import NO_BREAK_SPACE, PRESET_LABELS, sentence
 from foldback.words.settings import in_a_line
 from foldback.words.smoothing import smoothing_label
 
@@ -22,8 +22,6 @@ NO_DOWNLOADS: Final = "There is nothing to download."
 NO_DOWNLOADS_YET: Final = "You can download the plan when the fold is finished."
 WRITING: Final = "Writing the files …"
 CANCELLED: Final = "Cancelled before it finished"
-NO_BREAK_SPACE: Final = "\u00a0"
-"""Space between a number and its unit, at which browsers must not break the line."""
 VIEW_FILES: Final = (
     ("standalone.html", "A single HTML file", "HTML: plays in any browser, without a server"),
     ("recording.viser", "Recording", ".viser: plays in viser, a 3D viewer"),

@@ -29,7 +29,7 @@ COMMANDS: Final = {
     "refold": "Unfold a folded chain and fold it into another shape.",
     "sweep": "Fold many shapes in many ways, on this machine or a cluster, into one table.",
     "settings": "List the settings for `fold --set NAME=VALUE`.",
-    "smooth": "Make a motion shorter and smoother without reducing its clearance.",
+    "smooth": "Make a motion shorter and smoother, and verify it again.",
     "shape": "Find a path through a shape.",
     "module": "Check a module for faults, or read a module out of a URDF file.",
     "solve": "Solve a snake cube, or find pieces that fill a solid.",

@@ -11,8 +11,11 @@ from foldback.words.smoothing import (
 )
 
 
-def figures(travel: float | None, reversals: float, torque: float) -> dict[str, Any]:
-    return {"travel_ratio": travel, "reversals_mean": reversals, "peak_torque_nm": torque}
+def figures(
+    travel: float | None, reversals: float, torque: float, clearance: float = 0.04
+) -> dict[str, Any]:
+    names = ("travel_ratio", "reversals_mean", "peak_torque_nm", "clearance")
+    return dict(zip(names, (travel, reversals, torque, clearance), strict=True))
 
 
 def smoothing(before: dict[str, Any], after: dict[str, Any] | None) -> SmoothingFigures:
@@ -32,6 +35,11 @@ def test_gain_states_travel_reversals_and_torque() -> None:
         "none; 25 % more torque in the same time."
     )
     assert smoothing_label(worse) is None
+    closer = smoothing(figures(1.5, 1.0, 0.4), figures(1.2, 1.0, 0.4, clearance=0.02))
+    assert smoothing_gain(closer) == (
+        "Travel 1.50 → 1.20 times the least; as many turns back and forth; as much torque in the "
+        "same time; 50 % less clearance."
+    )
     quieter = smoothing(figures(1.0, 0.0, 0.4), figures(1.0, 0.0, 0.1))
     assert smoothing_label(quieter) == "smoothed: 75 % less torque"
 
