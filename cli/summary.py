@@ -19,7 +19,7 @@ from foldback.planner.storage.file_names import CHAIN
 from foldback.planner.storage.files import json_of
 from foldback.words import certificate as certificate_words
 from foldback.words.failures import timeline_reader
-from foldback.words.joint_errors import QUESTION, build_words, sample_words
+from foldback.words.joint_errors import QUESTION, build_words
 from foldback.words.likeness import likeness_words
 from foldback.words.messages import diagnosis_text
 from foldback.words.plan_choice import Choice
@@ -81,9 +81,10 @@ def show(summary: dict[str, Any], out: Path) -> None:
         note = sentence(diagnosis_text(stuck))
         console.print(f"{note}.", markup=False, soft_wrap=True)
     if build := build_words(certificate):
-        console.print(f"{QUESTION} {build}", markup=False, soft_wrap=True)
-    if errors := certificate.get("joint_errors"):
-        console.print(sample_words(errors), markup=False, soft_wrap=True)
+        line = f"{QUESTION} {build['answer']} {build['size']}"
+        console.print(line, markup=False, soft_wrap=True)
+        if build["sample"]:
+            console.print(build["sample"], markup=False, soft_wrap=True)
     row("Start shape", summary["refold"] and summary["refold"]["start"])
     row("Modules", summary["modules"])
     row("Likeness", likeness_words(summary.get("likeness")))

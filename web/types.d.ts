@@ -488,6 +488,7 @@ interface Facts {
   embed: string | null;
   editable: boolean;
   full_size: FullSize | null;
+  build: { again: Again | null } | null;
 }
 
 // Answers of the API: api.d.ts. A refusal says more where a file could not be read.
@@ -521,6 +522,7 @@ interface Elements {
   again: HTMLButtonElement;
   angles: HTMLInputElement;
   back: HTMLButtonElement;
+  "build-again": HTMLButtonElement;
   cancel: HTMLButtonElement;
   "check-bar": HTMLProgressElement;
   "check-dialog": HTMLDialogElement;

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, TypedDict
 
 from foldback.planner.certificate.figures import CertificateFigures, JointErrorFigures
 from foldback.planner.parameters.joint_error import MIN_SIZE
@@ -17,25 +17,70 @@ SERVOS_DEG: Final = (
     (0.3, "good servos (0.3°)"),
     (0.05, "an encoder at each joint (0.05°)"),
 )
-"""Joint errors that common hinges stay within, in degrees, and what they are called; the values are
-typical of backlash and dead band in the makers' data sheets."""
+"""Joint errors within which common hinges stay, in degrees, largest first, and their names."""
 QUESTION: Final = "Could I build this?"
+SAMPLE_LABEL: Final = "Find the module size for good servos"
+"""Button that folds again with the joint error of good servos."""
+AGAIN_LABEL: Final = "Fold again so"
+"""Button that folds again with the module size that a joint error allows."""
+HURDLES: Final = (
+    (
+        "Gravity",
+        "The chain floats unless it was folded on a table. Long chains are too heavy for their own "
+        "hinges.",
+        "properties",
+    ),
+    (
+        "Edges",
+        "Linked cubes turn about a joint between them. Their edges must be rounded there.",
+        "properties",
+    ),
+    ("Motors", "Each hinge needs a motor that is strong enough and fits inside.", "downloads"),
+    ("Cables", "No room is left for cables. Run them through the joints.", "module"),
+    (
+        "Play and wear",
+        "Gears have play, and modules bend. Both grow with time. Count them as errors of hinges.",
+        "properties",
+    ),
+)
+"""What else stands between a plan and a robot: name, explanation, and the tab with its figures."""
 
 
-def build_words(certificate: CertificateFigures) -> str | None:
-    """Return how accurate the hinges of a robot that follows a plan have to be; None if unknown."""
-    errors = certificate.get("joint_errors")
-    if errors is not None:
-        return f"{_needed(errors)} {size_words(errors)}"
+class BuildWords(TypedDict):
+    """Answer to whether a robot could follow a plan.
+
+    Attributes:
+        answer: How exact its hinges have to be.
+        size: Size of modules that tolerates usual hinges; how to find it if it is unknown.
+        sample: How both were found; empty if they are proved.
+    """
+
+    answer: str
+    size: str
+    sample: str
+
+
+def build_words(certificate: CertificateFigures) -> BuildWords | None:
+    """Return how exact the hinges of a robot that follows a plan have to be; None if unknown."""
+    if (errors := certificate.get("joint_errors")) is not None:
+        return {
+            "answer": _answer(errors),
+            "size": size_words(errors),
+            "sample": f"Sampled: {errors['robots']} robots with random hinge errors were followed "
+            f"through the whole motion. At most {errors['touching_with_error']} of them touched "
+            f"themselves with the largest error, and at most {errors['touching_at_size']} with the "
+            "largest modules.",
+        }
     margins = certificate.get("margins")
     if not certificate.get("verified") or margins is None:
         return None
     proved = degrees_down(margins["independent_rad"]["value"])
-    return (
-        f"It is proved for hinge errors of up to {proved}. Most robots tolerate about ten times as "
-        f"much: fold again with a joint error of {_degrees(GOOD_SERVO)}, and foldback samples "
-        "robots."
-    )
+    return {
+        "answer": f"It is proved for hinges that are exact to {proved}.",
+        "size": "Most robots tolerate at least ten times as much. To sample robots, fold again with a joint "
+        f"error of {GOOD_SERVO.replace('deg', '°')}.",
+        "sample": "",
+    }
 
 
 def size_words(errors: JointErrorFigures) -> str:
@@ -43,35 +88,21 @@ def size_words(errors: JointErrorFigures) -> str:
     error, size = f"{math.degrees(errors['error_rad']):.3g}°", errors["module_size"]
     if size is None:
         return (
-            f"With hinge errors of {error}, even modules that fill only {100 * MIN_SIZE:.0f} % of "
-            "the cell would touch."
+            f"For servos of {error}, even modules that fill only {100 * MIN_SIZE:.0f} % of the "
+            "cell are too large."
         )
     return (
-        f"With hinge errors of {error}, modules may fill at most {rounded_down(100 * size, 1)} % "
-        "of the cell."
+        f"For servos of {error}, modules may fill at most "
+        f"{rounded_down(100 * size, 1).removesuffix('.0')} % of the cell."
     )
 
 
-def sample_words(errors: JointErrorFigures) -> str:
-    """Return how the figures were found."""
-    return (
-        f"Sampled: {errors['robots']} robots with random hinge errors were followed through the "
-        f"whole motion. At most {errors['touching_with_error']} of them touched themselves with "
-        f"the largest error, and at most {errors['touching_at_size']} with the largest modules."
-    )
-
-
-def _needed(errors: JointErrorFigures) -> str:
+def _answer(errors: JointErrorFigures) -> str:
     """Return the error that the plan tolerates at its own size, and hinges that are as exact."""
-    tolerated = errors["tolerated_rad"]
-    if tolerated <= 0.0:
+    tolerated_rad = errors["tolerated_rad"]
+    if tolerated_rad <= 0.0:
         return "No: any error of the hinges makes modules touch."
-    text = degrees_down(tolerated)
     for limit_deg, servos in SERVOS_DEG:
-        if math.degrees(tolerated) >= limit_deg:
-            return f"Yes, with {servos}: hinges may be off by {text}."
-    return f"Not with usual servos: each hinge must be exact to {text}."
-
-
-def _degrees(text: str) -> str:
-    return text.replace("deg", "°")
+        if math.degrees(tolerated_rad) >= limit_deg:
+            return f"Yes, with {servos}: hinges may be off by {degrees_down(tolerated_rad)}."
+    return f"Only if each hinge is exact to {degrees_down(tolerated_rad)}."

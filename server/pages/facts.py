@@ -40,6 +40,15 @@ from foldback.words import certificate as certificate_words
 from foldback.words.certificate import TableWords
 from foldback.words.failures import AttemptWords, Failure, attempts, failure, tightest_frame
 from foldback.words.fold import RUNNING_STATUSES, ShownFold, has_motion, step_count
+from foldback.words.joint_errors import (
+    AGAIN_LABEL,
+    GOOD_SERVO,
+    HURDLES,
+    QUESTION,
+    SAMPLE_LABEL,
+    BuildWords,
+    build_words,
+)
 from foldback.words.plan_choice import Choice, choice_of
 from foldback.words.properties import Properties, properties
 from foldback.words.purposes import FileName, Purpose, purposes_of
@@ -86,11 +95,16 @@ SHOWN_FILES: Final = (TIMELINE, CHAIN, CERTIFICATE, ATTEMPTS)
 SCRIPT_FACTS: Final = (
     *("id", "name", "running", "verdict", "failure", "choice", "again", "frames"),
     *("tightest", "steps", "compare", "refold", "embed", "editable", "options", "full_size"),
+    "build",
 )
 """Facts that the scripts of pages use."""
 
 USUAL_TRAJECTORY: Final = "trajectory?max_speed=1&max_acceleration=2&format=csv"
 """Trajectory with the limits that the page proposes, rad/s and rad/s²."""
+
+MAX_SAMPLED_MODULES: Final = 400
+"""Largest number of modules of a chain whose page offers to sample robots: 160 take half a minute
+of the processor, and the time grows with the square of the number."""
 
 Form = dict[str, str | int | float]
 """Fields of a form that requests a fold."""
@@ -113,6 +127,15 @@ class Smoothing(TypedDict):
     gain: str | None
     note: str
     compare: str | None
+
+
+class Build(TypedDict):
+    """Whether a robot could follow a plan, and the fold that suits other hinges."""
+
+    question: str
+    words: BuildWords
+    again: Suggestion | None
+    hurdles: tuple[tuple[str, str, str], ...]
 
 
 class Download(TypedDict):
@@ -163,6 +186,7 @@ class FoldFacts(TypedDict):
     downloads: list[Download]
     downloads_hint: str
     checkable: bool
+    build: Build | None
 
 
 def script_facts(facts: FoldFacts) -> dict[str, object]:
@@ -234,6 +258,7 @@ def fold_facts(
         "downloads": _downloads(row, summary) if has_plan else [],
         "downloads_hint": NO_DOWNLOADS_YET if running else NO_DOWNLOADS,
         "checkable": bool(has_plan) and row.status == "verified",
+        "build": _build(row, certificate, api=api) if row.status == "verified" else None,
     }
     return _with_damage(facts, damaged) if damaged else facts
 
@@ -304,7 +329,7 @@ def _with_damage(facts: FoldFacts, damaged: list[str]) -> FoldFacts:
         changed["files"], changed["downloads"], changed["compare"] = [], [], []
         changed["purposes"] = []
         changed["movies"] = []
-        changed["checkable"] = False
+        changed["checkable"], changed["build"] = False, None
     return changed
 
 
@@ -337,6 +362,24 @@ def _again(row: ShownFold) -> Suggestion | None:
     else:
         change, other_request = "seed", replace(request, seed=_next_seed(row))
     return {"text": AGAIN_LABELS[change], "form": _form(row, other_request, "preset")}
+
+
+def _build(row: ShownFold, certificate: CertificateFigures, *, api: bool) -> Build | None:
+    """Return whether a robot could follow a plan; None if unknown."""
+    words = build_words(certificate)
+    if words is None:
+        return None
+    errors, request, again = certificate.get("joint_errors"), request_of(row), None
+    if not api or row.refold or row.smooths or row.modules > MAX_SAMPLED_MODULES:
+        pass
+    elif errors is None:
+        form = _form(row, replace(request, joint_error=GOOD_SERVO), "preset")
+        again = _suggestion(Button(SAMPLE_LABEL), form)
+    elif (size := errors["module_size"]) is not None and size < certificate.get("module_size", 0.0):
+        error = f"{np.degrees(errors['error_rad']):.4g}deg"
+        smaller = replace(request, joint_error=error, module_size=size)
+        again = _suggestion(Button(AGAIN_LABEL), _form(row, smaller, "preset"))
+    return {"question": QUESTION, "words": words, "again": again, "hurdles": HURDLES}
 
 
 def _next_seed(row: ShownFold) -> int:

@@ -95,3 +95,34 @@ def test_fold_has_no_verdict_while_its_files_are_written(tmp_path: Path) -> None
     assert facts["certify"] == {"tone": "busy", "text": "Computing · 16\N{NO-BREAK SPACE}cubes"}
     text = "Writing the files … · 16\N{NO-BREAK SPACE}cubes"
     assert facts["export"] == {"tone": "busy", "text": text}
+
+
+def test_verified_fold_offers_to_fold_for_real_servos(tmp_path: Path) -> None:
+    margin = {"value": 1e-4, "limited_by": {"frame": 1.0, "modules": [0, 2]}}
+    margins: dict[str, Any] = dict.fromkeys(
+        ("module_size", "one_hinge_rad", "independent_rad"), margin
+    )
+    margins["failure_probability"] = 0.05
+    certificate: dict[str, Any] = {"verified": True, "module_size": 0.95, "margins": margins}
+
+    def build(modules: int = 16) -> Any:
+        summary = {"certificate": certificate}
+        row = failed_fold(tmp_path, 0, status="verified", summary=summary, modules=modules)
+        return fold_facts(row)["build"]
+
+    assert build()["again"]["form"]["joint_error"] == "0.3deg"
+    assert build(modules=401)["again"] is None
+    certificate["joint_errors"] = {
+        "error_rad": 0.0052359877,
+        "module_size": 0.84,
+        "tolerated_rad": 1e-3,
+        "robots": 300,
+        "touching_at_size": 1,
+        "touching_with_error": 8,
+    }
+    again = build()["again"]
+    assert again["text"] == "Fold again so"
+    assert (again["form"]["joint_error"], again["form"]["module_size"]) == ("0.3deg", 0.84)
+    certificate["joint_errors"]["module_size"] = None
+    assert build()["again"] is None
+    assert fold_facts(failed_fold(tmp_path, 0))["build"] is None

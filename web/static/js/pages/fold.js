@@ -119,6 +119,15 @@ get("smooth").onclick = () =>
     asking(({ openFold }) => openFold({ smooth: facts.id }, toast, get("smooth")));
   });
 get("again").onclick = tryAgain;
+get("build").onclick = (event) => {
+  const { dataset, id } = /** @type {HTMLElement} */ (event.target);
+  const form = facts.build?.again?.form;
+  if (id === "build-again" && form)
+    asking(({ openFold }) => openFold(form, toast, get("build-again")));
+  if (!dataset.tab) return;
+  event.preventDefault();
+  drawer.openAt(dataset.tab);
+};
 get("properties").onclick = ({ target }) => {
   if (target === get("check-plan")) checking((check) => check.begin("claim"));
 };
