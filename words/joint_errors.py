@@ -77,8 +77,8 @@ def build_words(certificate: CertificateFigures) -> BuildWords | None:
     proved = degrees_down(margins["independent_rad"]["value"])
     return {
         "answer": f"It is proved for hinges that are exact to {proved}.",
-        "size": "Most robots tolerate at least ten times as much. To sample robots, fold again with a joint "
-        f"error of {GOOD_SERVO.replace('deg', '°')}.",
+        "size": "Most robots tolerate at least ten times as much. To sample robots, fold again "
+        f"with a joint error of {GOOD_SERVO.replace('deg', '°')}.",
         "sample": "",
     }
 
