@@ -17,7 +17,7 @@ import numpy as np
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
-from foldback.planner.clearance.margins import FAILURE_PROBABILITY, FULL_SIZE, MAX_ERROR_RAD
+from foldback.planner.clearance.margins import FAILURE_PROBABILITY, FULL_SIZE
 from foldback.planner.clearance.sweep import closest_at_frames, sweep
 from foldback.planner.motion.motion import Motion, as_motion
 from foldback.planner.parameters.joint_error import MIN_SIZE
@@ -34,10 +34,11 @@ built with this size: with 1 of 300, hardly any hundred of them has more than fi
 MAX_ANGLES: Final = 2**22
 """Maximum number of angles of a motion (frames × hinges) for which robots are sampled; a sweep of
 so many takes about a second of the processor."""
-SIZES: Final = np.linspace(MIN_SIZE, FULL_SIZE, 751)
+SIZES: Final = np.linspace(MIN_SIZE, FULL_SIZE, 751).round(3)
 """Module sizes that are tried, in pitches."""
-ERRORS_RAD: Final = MAX_ERROR_RAD * 1.01 ** np.arange(-1000.0, 1.0)
-"""Errors that are tried, rad, each 1 % larger than the one before."""
+ERRORS_RAD: Final = np.radians(5.0) * 1.01 ** np.arange(-900.0, 1.0)
+"""Errors that are tried, rad, each 1 % larger than the one before, up to 5°: no servo is worse, and
+larger errors change the shape more than they make modules touch."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
