@@ -63,6 +63,16 @@ test("a requested frame is shown and reported", async () => {
   assert.equal(player.send({ do: "dance" }), false);
 });
 
+test("the end of the story is reported", async () => {
+  const { player, timeline } = await playerOf();
+  const telling = [];
+  player.on("state", () => telling.push(player.story.telling));
+  player.story.play("finale", timeline.last - 1);
+  player.show();
+  draw(60);
+  assert.deepEqual([telling[0], telling.at(-1)], [true, false]);
+});
+
 test("playing pauses between two pictures, but turning the view does not wait", async () => {
   mock.timers.enable({ apis: ["setTimeout"] });
   try {

@@ -292,8 +292,10 @@ export class Player extends PlayerState {
       this.rig.goals.clear();
       this.show(true);
     }
+    const { telling } = this.story;
     this.story.advance(passed);
-    if (this.playhead.advance(passed, now)) this.show();
+    const ended = telling && !this.story.telling;
+    if (this.playhead.advance(passed, now) || ended) this.show();
     const drawn = this.changed;
     this.changed = false;
     const sank = this.stage?.bundle ? this.stage.moveGround(passed, this.snapshot) : false;
