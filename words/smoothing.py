@@ -95,7 +95,8 @@ def smoothing_question(seconds: float, *, by_turns: bool) -> str:
 def smoothing_gain(smoothing: SmoothingFigures) -> str | None:
     """Return by how much smoothing changed travel, reversals and torque, as one sentence.
 
-    It also states a loss of clearance. None if nothing was smoothed, or if an earlier version did it.
+    It also states a loss of clearance. None if nothing was smoothed, or if an earlier version did
+    it.
     """
     travel, new_travel = _figures(smoothing, "travel_ratio")
     reversals, new_reversals = _figures(smoothing, "reversals_mean")

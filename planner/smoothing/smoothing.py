@@ -4,7 +4,8 @@ Each pass draws a simpler motion: straight lines between some frames, or a runni
 hinge over many; a calm motion at first without detours of hinges beyond their first and last angle.
 It is followed as far as it is clear. The relative pose of two modules depends on the hinges between
 them alone, so where two come too close only those hinges return to their former angles, around
-those frames; all others keep the new ones. These are shortcuts of any part of the chain in any part
+those frames; all others keep the new ones. Where the whole chain gains nothing so, groups of
+hinges follow one after the other. These are shortcuts of any part of the chain in any part
 of the motion (Geraerts, Overmars: Creating high-quality paths for motion planning, 2007; Hauser,
 Ng-Thow-Hing: Fast smoothing of manipulator trajectories using optimal bounded-acceleration
 shortcuts, 2010), with the part chosen by collisions instead of at random.

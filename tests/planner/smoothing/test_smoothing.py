@@ -7,7 +7,12 @@ from foldback.planner.core import mark_blamed_hinges
 from foldback.planner.errors import InputError
 from foldback.planner.playback.reference_curve import record_lengths
 from foldback.planner.smoothing.motion_quality import Quality
-from foldback.planner.smoothing.smoothing import DISTANCE_WEIGHT, FRAME_SPACING_RANGE_RAD, smooth
+from foldback.planner.smoothing.smoothing import (
+    DISTANCE_WEIGHT,
+    FRAME_SPACING_RANGE_RAD,
+    STAGES,
+    smooth,
+)
 from foldback.planner.smoothing.smoothing_targets import direct
 from tests.planner.chains import Array, coil, line, random_angles
 from tests.planner.conftest import Folded
@@ -42,6 +47,18 @@ def test_smoothed_motion_is_shorter_and_as_clear_in_even_steps(folded: Folded) -
     assert travel(after) < 0.9 * travel(before)
     assert len(after) < len(before)
     assert np.abs(after).max() <= max(np.abs(before).max(), chain.module.largest_angle_rad)
+
+
+def test_groups_of_hinges_shorten_what_the_whole_chain_cannot(
+    folded: Folded, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = np.ascontiguousarray(folded.record.frames.joint_angles_rad[::-1])
+    least = float(np.abs(before[-1] - before[0]).sum())
+    by_groups = travel(smooth(folded.chain, before, module_size=0.95).angles) - least
+    whole = tuple(stage for stage in STAGES if stage.groups == 1)
+    monkeypatch.setattr("foldback.planner.smoothing.smoothing.STAGES", whole)
+    together = travel(smooth(folded.chain, before, module_size=0.95).angles) - least
+    assert by_groups < 0.8 * together
 
 
 def test_detour_is_removed() -> None:
