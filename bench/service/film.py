@@ -39,7 +39,6 @@ COMPLETE: Final = "window.foldback?.timeline.complete"
 MAKE_FILM: Final = """(async (shape) => {
   const pause = (ms) => new Promise((done) => { setTimeout(done, ms); });
   const until = async (is) => { while (!is()) await pause(50); };
-  document.querySelector("#film").click();
   await until(() => document.querySelector("#film-dialog[open]"));
   const dialog = document.querySelector("#film-dialog");
   const [make, state] = ["[type=submit]", "[role=status]"].map((s) => dialog.querySelector(s));
@@ -66,7 +65,7 @@ MAKE_FILM: Final = """(async (shape) => {
   await new Promise((done) => { reader.onload = done; });
   return JSON.stringify({ seconds, said: state.textContent, seen, film: reader.result });
 })"""
-"""Function that makes a film of a shape on the page of a fold, and returns its seconds, how often
+"""Function that makes a film of a shape in the dialog that opens, and returns its seconds, how often
 progress was visible, and its data URL."""
 
 
@@ -90,7 +89,7 @@ def _in_chromium(browser: Browser, address: str) -> dict[str, Any]:
     with browser.new_context() as context:
         page = context.new_page()
         page.goto(address)
-        page.wait_for_function(COMPLETE)
+        page.wait_for_function(f"() => {COMPLETE}")
         page.wait_for_function("() => foldback.player.stage.open", timeout=120_000)
         return _film(page, "square")
 
@@ -101,11 +100,13 @@ def _in_firefox(profile: Path, address: str) -> dict[str, Any]:
         firefox.open(address)
         firefox.until(COMPLETE)
         firefox.until("foldback.player.stage.open")
+        firefox.click("#film")
         return json.loads(firefox.run(f"{MAKE_FILM}('square')"))
 
 
 def _film(page: Page, shape: str) -> dict[str, Any]:
     page.set_default_timeout(600_000)
+    page.locator("#film").click()
     return json.loads(page.evaluate(f"{MAKE_FILM}({json.dumps(shape)})"))
 
 
@@ -143,7 +144,7 @@ def _on_phone(service: Service, browser: Browser) -> tuple[dict[str, float], dic
         page.locator("#fold").click()
         page.wait_for_url("**/folds/*")
         page.locator("#film:visible").wait_for()
-        page.wait_for_function(COMPLETE)
+        page.wait_for_function(f"() => {COMPLETE}")
         step("folded")
         made = _film(page, "upright")
         step("filmed")

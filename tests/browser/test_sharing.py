@@ -193,7 +193,6 @@ def test_movie_is_made_and_downloaded(visit: Visit, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", view=False)
     open_tab(page, "downloads")
     page.get_by_text("All files", exact=True).click()
-    page.get_by_text("Let the service make it").click()
     movie = page.locator("form.options").nth(0)
     movie.locator("[name=format]").select_option("gif")
     movie.locator("[name=seconds]").select_option("6")

@@ -78,7 +78,6 @@ def test_time_left_is_shown_and_movie_is_stopped(visit: Visit, service: Service)
 
     open_tab(page, "downloads")
     page.get_by_text("All files", exact=True).click()
-    page.get_by_text("Let the service make it").click()
     page.locator("[name=size]").select_option("1920x1080")
     page.locator("[name=seconds]").select_option("20")
     page.get_by_role("button", name="Create movie").click()

@@ -18,7 +18,7 @@ const LENGTHS = [5, 10, 15, 20, 30]; // seconds
 const USUAL_LENGTH = 10;
 const MAX_TITLE = 80; // characters
 const PREVIEW_PX = 480; // longer side of the small picture
-const PREVIEW_EVERY = 3; // pictures of the film between two of the small picture
+const PREVIEW_EVERY = 6; // pictures of the film between two of the small picture
 const MEASURED = 15; // pictures, from which the remaining time is estimated
 const NOTHING =
   "This browser cannot make videos. Try a current version of Chrome, Edge, Firefox or Safari.";
@@ -234,8 +234,9 @@ class FilmDialog {
     const number = ++this.drawn;
     const pictures = new Pictures(this.filmed.player, this.options);
     await pictures.prepare();
+    if (number !== this.drawn) return;
     const picture = await pictures.at(pictures.count - 1);
-    if (number === this.drawn && !this.making) this.paint(picture);
+    if (number === this.drawn) this.paint(picture);
     picture.close();
   }
 
@@ -255,6 +256,7 @@ class FilmDialog {
   async begin() {
     const { player } = this.filmed;
     const making = (this.making = new AbortController());
+    this.drawn++; // no small picture of the choices any more
     this.enter("making");
     player.send({ do: "pause" });
     player.standIn?.hold(true);

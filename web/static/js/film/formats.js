@@ -23,7 +23,7 @@ export const RECORDINGS = [
   "video/webm",
   "video/mp4",
 ];
-const BITS_PER_PIXEL = 0.14; // enough for smooth surfaces and text; chosen by eye
+const BITS_PER_PIXEL = 0.1; // enough for smooth surfaces and text; chosen by eye
 
 /**
  * @param {Size} size

@@ -58,29 +58,30 @@ export function titleOpacity(seconds, length) {
 /**
  * @typedef {{ width: number, height: number, dark: boolean, family: string }} Look size of the
  *   film, its theme and its font
+ * @typedef {{ image: ImageBitmap, y: number }} Text picture with a text, and its upper edge
  */
 
 /**
  * @param {string} text
  * @param {Look} look
- * @returns {Promise<Label>}
+ * @returns {Promise<Text>}
  */
-export async function titleLabel(text, { width, height, dark, family }) {
+export async function titleText(text, { width, height, dark, family }) {
   const letter = Math.round(TITLE_SHARE * Math.min(width, height));
   const { pen, lines } = prepared(text, `650 ${letter}px ${family}`, width, MAX_TITLE_LINES);
   const step = Math.round(LINE_HEIGHT * letter);
   resize(pen, width, Math.max(1, lines.length * step));
   pen.fillStyle = dark ? "rgb(240 238 233)" : "rgb(28 31 36)";
   write(pen, lines, step, 0);
-  return { image: await createImageBitmap(pen.canvas), y: Math.round(TOP * height), opacity: 1 };
+  return { image: await createImageBitmap(pen.canvas), y: Math.round(TOP * height) };
 }
 
 /**
  * @param {string} text
  * @param {Look} look
- * @returns {Promise<Label>}
+ * @returns {Promise<Text>}
  */
-export async function captionLabel(text, { width, height, dark, family }) {
+export async function captionText(text, { width, height, dark, family }) {
   const letter = Math.max(11, Math.round(CAPTION_SHARE * Math.min(width, height)));
   const pad = Math.round(0.8 * letter);
   const font = `500 ${letter}px ${family}`;
@@ -96,7 +97,7 @@ export async function captionLabel(text, { width, height, dark, family }) {
   pen.fillStyle = dark ? "rgb(240 238 233)" : "rgb(28 31 36)";
   write(pen, lines, step, pad);
   const y = Math.round(height * (1 - BELOW)) - tall;
-  return { image: await createImageBitmap(pen.canvas), y, opacity: 1 };
+  return { image: await createImageBitmap(pen.canvas), y };
 }
 
 /**

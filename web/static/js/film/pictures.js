@@ -2,7 +2,7 @@
 import { CameraRig } from "../player/camera_rig.js";
 import { groundAfter } from "../viewer/stage.js";
 import { floorUnder } from "../viewer/sketch.js";
-import { captionLabel, titleLabel, titleOpacity } from "./labels.js";
+import { captionText, titleOpacity, titleText } from "./labels.js";
 import { FPS, schedule } from "./schedule.js";
 
 const LOOK_MS = 100; // between two looks for data that is still loading
@@ -32,6 +32,7 @@ export class Pictures {
   constructor(player, options, signal = null) {
     const { timeline } = player;
     this.player = player;
+    this.colouring = player.colouring;
     this.options = options;
     this.signal = signal;
     const folding = timeline.outline.phases.findLast(({ name }) => name === "playback");
@@ -45,6 +46,8 @@ export class Pictures {
     this.captions = new Map();
     /** @type {Label | null} */
     this.title = null;
+    /** @type {ImageBitmap[]} */
+    this.images = []; // of texts, until the first picture is drawn
   }
 
   get count() {
@@ -76,13 +79,20 @@ export class Pictures {
     return rig;
   }
 
-  // Draw the labels once.
+  // Draw the texts once.
   async prepare() {
     const { width, height, title, stops } = this.options;
     const { fontFamily: family } = getComputedStyle(document.body);
     const look = { width, height, dark: this.dark, family };
-    if (title.trim()) this.title = await titleLabel(title, look);
-    for (const { caption } of stops) this.captions.set(caption, await captionLabel(caption, look));
+    const { images } = this;
+    const added = (/** @type {import("./labels.js").Text} */ { image, y }) => ({
+      image: images.push(image) - 1,
+      y,
+      opacity: 1,
+    });
+    if (title.trim()) this.title = added(await titleText(title, look));
+    for (const { caption } of stops)
+      this.captions.set(caption, added(await captionText(caption, look)));
   }
 
   // Return picture k; pictures are drawn in order.
@@ -94,9 +104,8 @@ export class Pictures {
     rig.aim(snapshot);
     rig.glide(1 / FPS, snapshot);
     if (!rig.eye || !player.sketch) throw new Error("There is no view to film yet.");
-    const colours = player.colours(snapshot);
-    const { selected } = player.timeline.bundle.header.colours;
-    for (const module of stop?.modules ?? []) colours.set(selected, 3 * (module - 1));
+    if (this.images.length) player.sketch.setTexts(this.images.splice(0));
+    const colours = this.colours(snapshot, stop);
     return player.sketch.filmed([snapshot, colours, rig.eye, this.groundAt(snapshot)], {
       ...this.options,
       ground: this.backdrop,
@@ -104,10 +113,25 @@ export class Pictures {
     });
   }
 
+  // Return the colours that the page had when the film began, with the modules of a stop.
+  /**
+   * @param {Snapshot} snapshot
+   * @param {TourStop | null} stop
+   */
+  colours(snapshot, stop) {
+    const { selected } = this.player.timeline.bundle.header.colours;
+    const colours = this.colouring?.of(snapshot) ?? new Uint8Array(0);
+    for (const module of stop?.modules ?? []) colours.set(selected, 3 * (module - 1));
+    return colours;
+  }
+
   // Return the moment at a frame, once it and the values of its colours are loaded.
   /** @param {number} frame */
   async moment(frame) {
-    const { timeline, colouring } = this.player;
+    const {
+      colouring,
+      player: { timeline },
+    } = this;
     for (;;) {
       const snapshot = timeline.snapshot(frame);
       if (snapshot?.exact && colouring?.isLoaded(snapshot)) return snapshot;

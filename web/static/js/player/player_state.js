@@ -203,10 +203,10 @@ export class PlayerState extends Emitter {
     };
   }
 
-  // Return the colours of all modules at a moment, including highlights of
+  // Return the colours of all modules, including highlights of
   // the selected module, its neighbours and the marked modules.
-  colours(snapshot = this.snapshot) {
-    if (!this.colouring || !snapshot) return new Uint8Array(0);
+  colours() {
+    if (!this.colouring || !this.snapshot) return new Uint8Array(0);
     const { selected, turning } = this;
     const { selected: blue, stuck, unknown } = this.timeline.bundle.header.colours;
     const colours = turning
@@ -215,7 +215,7 @@ export class PlayerState extends Emitter {
           moving: blue,
           joint: stuck,
         })
-      : this.colouring.of(snapshot);
+      : this.colouring.of(this.snapshot);
     for (const module of this.marked)
       colours.set(this.markedAs === "selected" ? blue : stuck, 3 * module);
     if (selected === null) return colours;

@@ -191,6 +191,12 @@ export class Sketch {
     });
   }
 
+  // Set the pictures of texts that a film shows.
+  /** @param {ImageBitmap[]} images */
+  setTexts(images) {
+    this.tell({ is: "texts", images }, images);
+  }
+
   // Return one picture of a film, with labels.
   /**
    * @param {[shown: Snapshot, colours: Uint8Array, view: Eye, ground: number | null]} drawn

@@ -43,10 +43,11 @@ const GAP = 0.6; // brightness of the gap
  *   | { is: "outline", outline: Drawn }
  *   | { is: "frame", frame: SketchFrame }
  *   | { is: "picture", frame: SketchFrame, size: typeof size, ground: Ground | null }
+ *   | { is: "texts", images: ImageBitmap[] }
  *   | { is: "film", frame: SketchFrame, size: typeof size, ground: Ground, labels: Label[] }}
  *   SketchTold
  */
-/** @typedef {{ image: ImageBitmap, y: number, opacity: number }} Label picture with text */
+/** @typedef {{ image: number, y: number, opacity: number }} Label one of the pictures of texts */
 /**
  * @typedef {{ paper: OffscreenCanvas, pen: OffscreenCanvasRenderingContext2D, size: typeof size,
  *   ground: Ground | null, backdrop: OffscreenCanvas | null }} Surface canvas that is drawn on
@@ -71,10 +72,16 @@ let latest = null;
 let due = false;
 /** @type {Surface | null} */
 let filmSurface = null; // canvas of the film's pictures
+/** @type {ImageBitmap[]} */
+let texts = []; // that the film shows
 
 onmessage = (/** @type {MessageEvent<SketchTold>} */ { data }) => {
   if (data.is === "picture") {
     picture(data);
+    return;
+  }
+  if (data.is === "texts") {
+    texts = data.images;
     return;
   }
   if (data.is === "film") {
@@ -116,7 +123,7 @@ function filmed({ frame, size: wanted, ground: behind, labels }) {
   drawOn(filmSurface, frame);
   for (const { image, y, opacity } of labels) {
     filmSurface.pen.globalAlpha = opacity;
-    filmSurface.pen.drawImage(image, 0, y);
+    filmSurface.pen.drawImage(texts[image], 0, y);
   }
   filmSurface.pen.globalAlpha = 1;
   return filmSurface.paper.transferToImageBitmap();
