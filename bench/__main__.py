@@ -56,6 +56,7 @@ from bench.table.statics import statics
 from bench.table.tetrahedra import table_tetrahedra
 from bench.tetrahedra import tetrahedra
 from bench.turns import turns, turns_long
+from bench.words_and_pictures import words_and_pictures
 
 SECTIONS = {
     "first": first_minutes,
@@ -116,6 +117,7 @@ SECTIONS = {
     "baselines": baselines,
     "published": published,
     "ode": ode,
+    "words-and-pictures": words_and_pictures,
 }
 
 

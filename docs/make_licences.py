@@ -27,8 +27,11 @@ BUNDLED: Final = {
     "listed in its LICENSE",
     "mujoco": "small libraries, listed in its LICENSES_THIRD_PARTY.md",
     "zstandard": "Zstandard, BSD-3-Clause",
+    "resvg-py": "resvg and other Rust libraries, listed in its sboms: MIT, Apache-2.0, BSD, Zlib",
 }
 """Native libraries and programs inside of wheels, by package, as their licence files list them."""
+MIT_GRANT: Final = "Permission is hereby granted, free of charge, to any person obtaining a\ncopy"
+"""Beginning of the MIT licence, of packages that state no licence beside its text."""
 TEXT: Final = """\
 # Licences
 
@@ -113,6 +116,8 @@ def licence_of(package: Distribution) -> str:
         return ", ".join(sorted(set(classifiers)))
     if stated := re.sub(r"\s+", " ", (about.get("License") or "").strip())[:60]:
         return stated
+    if (text := package.read_text("licenses/LICENSE")) and MIT_GRANT in text:
+        return "MIT"
     if package.read_text("licenses/LICENSE.txt") or package.read_text("LICENSE"):
         return "see its licence file"
     raise ValueError(f"{about['Name']} states no licence; look it up and add it here.")

@@ -64,9 +64,9 @@ def drawn_shape(drawing: Drawing, options: PathOptions, cells: int) -> DrawnShap
         missing=1.0 - coarse.shared / coarse.area,
         added=1.0 - coarse.shared / count,
     )
-    notes: tuple[str, ...] = ()
+    notes = drawing.notes
     if bridged.added:
         noun = "cell joins" if bridged.added == 1 else "cells join"
-        notes = (f"{bridged.added} {noun} {parts} parts of the picture.",)
+        notes += (f"{bridged.added} {noun} {parts} parts of the picture.",)
     shape = extruded(bridged.cells, options.thickness, name=drawing.name)
     return DrawnShape(shape=shape, likeness=likeness, notes=notes)

@@ -32,7 +32,7 @@ from foldback.planner.progress import STAGES, Cancelled, Report, naming, never, 
 
 
 def fold(
-    shape: Path | Chain,
+    shape: Path | Chain | bytes | str,
     *,
     preset: str = "default",
     seed: int = 0,
@@ -51,7 +51,8 @@ def fold(
     """Explode a shape's chain, play the record back and verify the result.
 
     Args:
-        shape: A path through cells, or a chain with its folded configuration.
+        shape: A path through cells, a chain with its folded configuration, the bytes of a file
+            with any shape, or the text of one, such as ``word:Anna``.
         preset: ``default``, ``paper`` or ``direct``.
         seed: Seed of all randomness.
         module_size: Size at which the plan is verified; None for the preset's.
@@ -75,11 +76,14 @@ def fold(
         The plan, verified or not: see ``Plan.certificate``.
 
     Raises:
-        InputError: An unknown preset, or a seed, module size or setting out of range; or the
-            directory cannot be used, see ``planner.pipeline.fold_layout.replacing_fold``.
+        InputError: A shape without a path; an unknown preset; a seed, module size or setting out
+            of range; or the directory cannot be used, see
+            ``planner.pipeline.fold_layout.replacing_fold``.
     """
+    if isinstance(shape, str):
+        shape = shape.encode()
     request = FoldRequest(
-        filename=shape.name,
+        filename=None if isinstance(shape, bytes) else shape.name,
         preset=preset,
         seed=seed,
         module_size=module_size,
@@ -167,7 +171,7 @@ def smooth_plan(
 
 def _plan_of(
     request: FoldRequest,
-    shape: Path | Chain,
+    shape: Path | Chain | bytes,
     directory: str | FilePath | None,
     watch: Watch,
     *,
@@ -190,9 +194,8 @@ def _plan_of(
     if directory is not None:
         with replacing_fold(FilePath(directory)) as place:
             workspace = Workspace(place)
-            data = write_path(shape) if isinstance(shape, Path) else write_chain(shape)
-            workspace.write_request(request, data, start=start, recorded=recorded)
-            read_chains(workspace, shape)
+            workspace.write_request(request, _file_of(shape), start=start, recorded=recorded)
+            read_chains(workspace, None if isinstance(shape, bytes) else shape)
             run_stages(
                 place,
                 first=STAGES[1],
@@ -214,6 +217,13 @@ def _plan_of(
     with _pool(request, reading.candidates, workers) as pool:
         search = run_steps(fold_spec, Search(), Store(), watch, pool)
     return _best_plan(fold_spec, search)
+
+
+def _file_of(shape: Path | Chain | bytes) -> bytes:
+    """Return the bytes of a file with a shape."""
+    if isinstance(shape, bytes):
+        return shape
+    return write_path(shape) if isinstance(shape, Path) else write_chain(shape)
 
 
 def _best_plan(fold_spec: FoldSpec, search: Search) -> Plan:

@@ -33,6 +33,7 @@ from foldback.planner.readers.pixel_pictures import is_pixel_picture, read_pixel
 from foldback.planner.readers.ply import is_ply, read_ply
 from foldback.planner.readers.refused_formats import refuse_other_kinds, unknown_kind
 from foldback.planner.readers.stl import is_binary, is_stl, read_stl
+from foldback.planner.readers.svg import is_svg, read_svg
 from foldback.planner.readers.text import decode, refuse_binary, refuse_prose, to_utf8
 from foldback.planner.readers.threemf import is_zip, read_threemf
 from foldback.planner.readers.twist_codes import is_twist_code, read_twist_code
@@ -50,13 +51,13 @@ from foldback.planner.twist_chains.folded_chains import snake_chain
 
 READABLE_FORMATS: Final = (
     "a mesh (STL, OBJ, PLY, OFF, GLB, glTF, 3MF), voxels (.vox, .binvox, .npy, JSON), a picture "
-    "(PNG, JPEG), a word (word:Anna), or the cells or angles of a chain (foldback-path/1 or "
+    "(PNG, JPEG, SVG), a word (word:Anna), or the cells or angles of a chain (foldback-path/1 or "
     "foldback-chain/1 JSON, CSV, XYZ, .npy, a snake's code)"
 )
 
 MESH_SUFFIXES: Final = (".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf")
 """Suffixes of the names of triangle meshes, in lower case."""
-PICTURE_SUFFIXES: Final = (".png", ".jpg", ".jpeg")
+PICTURE_SUFFIXES: Final = (".png", ".jpg", ".jpeg", ".svg")
 """Suffixes of the names of pictures, in lower case."""
 READABLE_SUFFIXES: Final = (
     *MESH_SUFFIXES,
@@ -145,6 +146,8 @@ def _read(
             return reader(data, source)
     if is_stl(data, hinted=False):
         return read_stl(data, source, hinted=False)
+    if is_svg(data):
+        return read_svg(data, source)
     refuse_other_kinds(data, READABLE_FORMATS)
     called_stl = (filename or "").lower().endswith(".stl")
     if called_stl and is_stl(data, hinted=True):

@@ -23,8 +23,9 @@ decoded. Photos of most phones have 12 to 24 million."""
 MAX_USED_SIDE: Final = 1024
 """Length, in pixels, to which the longer side of larger pictures is reduced: several pixels for
 each cell of the finest drawing."""
-NO_PILLOW: Final = (
-    "pictures need the package pillow; install it with pip install 'foldback[pictures]'."
+NO_LIBRARY: Final = (
+    "reading pictures needs packages that are not installed; install them with pip install "
+    "'foldback[pictures]'."
 )
 DAMAGED: Final = (
     "the picture cannot be decoded: it is damaged or cut off; save it again with another program."
@@ -40,12 +41,12 @@ def read_pixel_picture(data: bytes, source: Source) -> Picture:
     """Return the pixels of a PNG or JPEG file, turned as its camera was held.
 
     Raises:
-        InputError: ``too-large`` for too many pixels, ``damaged``, or ``no-pillow``.
+        InputError: ``too-large`` for too many pixels, ``damaged``, or ``no-library``.
     """
     try:
         from PIL import Image, ImageOps
     except ImportError as error:
-        raise InputError("no-pillow", NO_PILLOW) from error
+        raise InputError("no-library", NO_LIBRARY) from error
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of parts of the file that are not used
@@ -64,19 +65,19 @@ def read_pixel_picture(data: bytes, source: Source) -> Picture:
     return picture_of(image, source.name or "picture")
 
 
-def picture_of(image: Image.Image, name: str) -> Picture:
+def picture_of(image: Image.Image, name: str, *, notes: tuple[str, ...] = ()) -> Picture:
     """Return the brightness and opacity of a decoded picture, reduced to the size that is used."""
     image.thumbnail((MAX_USED_SIDE, MAX_USED_SIDE))
     if image.mode.startswith(("I", "F")):  # 16 bits for each pixel
         values = np.asarray(image, dtype=np.float64)
         brightness = np.clip(values / 257.0, 0.0, 255.0).astype(np.uint8)
-        return Picture(name=name, brightness=brightness)
+        return Picture(name=name, brightness=brightness, notes=notes)
     layers = np.asarray(image.convert("RGBA"))
     opacity = layers[..., 3]
     grey = layers[..., :3].astype(np.float64) @ (0.299, 0.587, 0.114)
     share = opacity / 255.0
     brightness = np.rint(grey * share + 255.0 * (1.0 - share)).astype(np.uint8)
-    return Picture(name=name, brightness=brightness, opacity=opacity)
+    return Picture(name=name, brightness=brightness, opacity=opacity, notes=notes)
 
 
 def _too_large(size: str) -> InputError:

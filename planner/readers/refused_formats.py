@@ -44,7 +44,6 @@ POINTERS: Final = (
 """Beginnings of files that stand for a large file in a Git repository, the program that writes
 them, and the command that fetches the large file."""
 XML_KINDS: Final = (
-    (b"<svg", "an SVG drawing"),
     (b"<!doctype html", HTML_PAGE),
     (b"<html", HTML_PAGE),
     (b"<amf", "an AMF model"),

@@ -30,11 +30,13 @@ class Picture:
         name: Name for people.
         brightness: (rows, columns) brightness on white, 0…255.
         opacity: (rows, columns) opacity, 0…255; None if no pixel is transparent.
+        notes: Notes for people on what is left out.
     """
 
     name: str
     brightness: NDArray[np.uint8]
     opacity: NDArray[np.uint8] | None = None
+    notes: tuple[str, ...] = ()
 
     def silhouette(self, *, threshold: int | None, inside_out: bool) -> Flags:
         """Return the (rows, columns) pixels of the silhouette, without specks, cropped to it.

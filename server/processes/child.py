@@ -56,6 +56,9 @@ at their start, so that the first task does not wait."""
 MESH_LIBRARY: Final = "trimesh"
 """Library that the planner imports with the first mesh. Processes that read meshes import it at
 their start, so that the first upload does not wait."""
+PICTURE_LIBRARIES: Final = ("PIL.ImageOps", "PIL.JpegImagePlugin", "PIL.PngImagePlugin", "resvg_py")
+"""Libraries that the planner imports with the first picture. Processes that compute previews import
+them at their start."""
 
 
 class Request(NamedTuple):
@@ -276,6 +279,8 @@ def _preparer() -> Task:
         "foldback.planner.table_paths.offers",
         "foldback.planner.pathfinding.filling_methods",
         "foldback.planner.pathfinding.shape_overlap",
+        "foldback.planner.pipeline.drawn_shape",
+        *PICTURE_LIBRARIES,
     )
     return _reader()
 

@@ -48,6 +48,16 @@ def test_fold_takes_its_options_and_fills_a_new_directory(tmp_path: FilePath) ->
         fold(coil(8), world="table")
 
 
+def test_word_or_file_of_any_shape_folds_in_memory_and_in_a_directory(
+    tmp_path: FilePath,
+) -> None:
+    in_memory = fold("word:I", settings="robots=0")
+    assert in_memory.certificate.verdict.startswith("verified")
+    assert in_memory.chain.name == "I"
+    assert len(in_memory.chain) == 13 * 8
+    assert_same_plans(fold(b"word: i", directory=tmp_path, settings="robots=0"), in_memory)
+
+
 def test_angles_that_degrees_do_not_hold_exactly_are_taken_as_they_are(tmp_path: FilePath) -> None:
     angles = np.random.default_rng(1).uniform(-0.3, 0.3, 12)
     assert (np.deg2rad(np.rad2deg(angles)) != angles).any()

@@ -271,7 +271,6 @@ REFUSED = [
     (b"x y z\n0 0 0 9\n1 0 0\n2 0 0\n", "wrong-count", ""),
     # Other kinds of files, and models of other programs.
     (b"%PDF-1.7\n", "wrong-kind", "a PDF document"),
-    (b"<svg xmlns='http://www.w3.org/2000/svg'/>", "wrong-kind", "an SVG drawing"),
     (b"<!doctype html><html>", "wrong-kind", "an HTML page"),
     (b"Dear reader,\nthis is a letter.", "wrong-kind", "Dear reader"),
     (bytes(range(256)), "wrong-kind", "a binary file"),

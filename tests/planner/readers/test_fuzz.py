@@ -36,12 +36,14 @@ FILES = {
     + b"".join(b"C %d.0 %d.0 %d.0\n" % cell for cell in WALK),
     "angles.txt": b"0 - + 0 - +",
     "word.txt": b"word: Gr\xc3\xb6\xc3\x9fe",
+    "ring.svg": b'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9">'
+    b'<path d="M1 1h7v7h-7zM3 3v3h3v-3z" fill="#c00" style="stroke:url(#a)"/></svg>',
     "ring.png": as_picture(ring(24)),
     "ring.jpg": as_picture(ring(24), "JPEG"),
     "ring.jpeg": as_picture(ring(24), "JPEG"),
 }
 """A small valid file of each format, by its name."""
-TEXT_SUFFIXES = (".json", ".csv", ".xyz", ".txt")
+TEXT_SUFFIXES = (".svg", ".json", ".csv", ".xyz", ".txt")
 TEXT_SPICE = (
     *(b"[", b"]", b"{", b"}", b",", b'"', b"\n", b"\\", b"\x00", b"\xff", b"-", b".", b"e", b"9"),
     *(b"NaN", b"1e999", b"null", b"true", b"[[", b"\r", b"#", b"\xef\xbb\xbf", b" ", b"\\ud800"),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from io import BytesIO
+from struct import pack
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,3 +24,13 @@ def ring(size: int = 120) -> NDArray[np.uint8]:
     pixels[size // 6 : -size // 6, size // 6 : -size // 6] = 0
     pixels[size // 3 : -size // 3, size // 3 : -size // 3] = 255
     return pixels
+
+
+def png_header(width: int, height: int, pixels: bytes = b"") -> bytes:
+    """Return a PNG file that declares a size, and holds compressed pixels or none."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return pack(">I", len(data)) + kind + data + pack(">I", crc32(kind + data))
+
+    header = chunk(b"IHDR", pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0))
+    return b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", pixels) + chunk(b"IEND", b"")

@@ -1,5 +1,4 @@
-from struct import pack
-from zlib import compress, crc32
+from zlib import compress
 
 import numpy as np
 import pytest
@@ -9,20 +8,12 @@ from foldback.planner.pathfinding.path_options import PathOptions
 from foldback.planner.pipeline.prepare import Preparation, prepare
 from foldback.planner.readers import read
 from foldback.planner.silhouettes.joining import joined
-from tests.planner.silhouettes.pictures import as_picture, ring
+from tests.planner.silhouettes.fronts import front
+from tests.planner.silhouettes.pictures import as_picture, png_header, ring
 
 
 def prepared(data: bytes, **options: int) -> Preparation:
     return prepare(data, "drawing.png", PathOptions(**options))
-
-
-def front(preparation: Preparation) -> list[str]:
-    """Return the blocks of 2×2×2 modules, seen from the front."""
-    cells = preparation.cells // 2
-    cells = cells - cells.min(axis=0)
-    drawing = np.zeros(cells.max(axis=0)[[2, 0]] + 1, dtype=np.bool_)
-    drawing[cells[:, 2], cells[:, 0]] = True
-    return ["".join("#" if cell else "." for cell in row) for row in drawing[::-1]]
 
 
 RING = ["####", "#..#", "#..#", "####"]
@@ -90,16 +81,6 @@ def test_picture_of_too_many_parts_is_refused() -> None:
             dots[row : row + 30, column : column + 30] = 0
     with pytest.raises(InputError, match="30 separate parts, expected at most 24"):
         prepared(as_picture(dots), modules=1920)
-
-
-def png_header(width: int, height: int, pixels: bytes = b"") -> bytes:
-    """Return a PNG file that declares a size, and holds compressed pixels or none."""
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return pack(">I", len(data)) + kind + data + pack(">I", crc32(kind + data))
-
-    header = chunk(b"IHDR", pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0))
-    return b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", pixels) + chunk(b"IEND", b"")
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,8 @@ REFUSALS = {
     "fold wrench-24 --angles '- - - +' --out out": "got INPUT and --angles, expected one of INPUT",
     "fold wrench-24 --module sphere --out out": "a module file, or one of: cube, tetrahedron",
     "fold --angles '0 - x +' --out out": "character 5: got x after 2 angles",
+    "fold --word '漢字' --out out": "there is no block letter for “漢”",
+    "fold word:abcdefghijklm --out out": "got 13 letters, expected 1 to 12",
     f"{SERVOS} --material wood": "expected aluminium",
     f"{SERVOS} --servo mx28": "MX-28AT",
     f"{SERVOS} --shape =3": "NAME=TORQUE",

@@ -11,6 +11,7 @@ from http.client import HTTPResponse, RemoteDisconnected
 from itertools import product
 from pathlib import Path
 from unittest.mock import patch
+from zlib import compress
 
 import httpx
 import numpy as np
@@ -21,6 +22,7 @@ from foldback.server.files.uploads import Uploads
 from foldback.server.jobs import housekeeping
 from foldback.server.settings import Settings
 from tests.case import case
+from tests.planner.silhouettes.pictures import png_header
 from tests.server.service_process import SNAKE, TIMEOUT_S, Service, check_problem, owner, wait_until
 from tests.server.service_thread import ServiceThread, ServiceWith
 
@@ -309,6 +311,12 @@ HOSTILE: dict[str, Callable[[], bytes]] = {
         b'<!DOCTYPE m [<!ENTITY a SYSTEM "file:///etc/passwd">]><model>&a;</model>',
     ),
     "deep.json": lambda: b"[" * 100_000 + b"]" * 90_000,
+    "bomb.png": lambda: png_header(50_000, 50_000, compress(bytes(50_000_000))),
+    "script.svg": lambda: b'<svg xmlns="http://www.w3.org/2000/svg"><script>1</script></svg>',
+    "foreign.svg": lambda: (
+        b'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9">'
+        b'<image href="/etc/passwd" width="9" height="9"/></svg>'
+    ),
     "path.obj": lambda: b"v 0 0 0\nmtllib /etc/passwd\nf 1/1/1 99999999999999999999 -5\n",
 }
 """Files by their names; tests/planner/shapes has others of all kinds."""
