@@ -622,7 +622,16 @@ def _from_drawing(
     if not searching:
         alone = _cells_alone(drawn.shape, options, seed)
         return replace(alone, kind=kind, notes=drawn.notes)
-    filled = filling.fill(drawn.shape, options, of_solid=True, seed=seed, time_limit_s=time_limit_s)
+    # Along loops through flat shapes, chains fold more reliably than in an order for peeling.
+    in_loops = options.method == "auto" and options.world != "table"
+    in_loops = in_loops and options.kind.follows_paths
+    filled = filling.fill(
+        drawn.shape,
+        replace(options, method="blocks") if in_loops else options,
+        of_solid=True,
+        seed=seed,
+        time_limit_s=time_limit_s,
+    )
     likenesses = () if drawn.likeness is None else (drawn.likeness,) * len(filled.chains)
     return _preparation(
         kind,
