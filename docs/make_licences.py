@@ -50,9 +50,9 @@ later. The extra `foldback[ipctk]` installs the IPC Toolkit, under the MIT licen
 The compiled core contains parts of nanobind, under the BSD-3-Clause licence, and of robin-map,
 under the MIT licence; both texts are in `planner/core/licences.txt`.
 
-The page of a fold loads a part of mediabunny (`web/static/js/film/mediabunny.js`), under the Mozilla Public License,
-version 2.0, when a visitor makes a film. Its source code is at <https://github.com/Vanilagy/mediabunny>; `make muxer`
-builds the file from the package.
+The page of a fold loads a part of mediabunny (`web/static/js/film/mediabunny.js`), under the
+Mozilla Public License, version 2.0, when a visitor makes a film. Its source code is at
+<https://github.com/Vanilagy/mediabunny>; `make muxer` builds the file from the package.
 
 Text in pictures and leaflets uses a subset of the font DejaVu Sans
 (`planner/exports/dejavu-sans.ttf`). The font's permissive licence, by Bitstream and Tavmjong Bah,
