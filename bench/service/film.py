@@ -65,8 +65,8 @@ MAKE_FILM: Final = """(async (shape) => {
   await new Promise((done) => { reader.onload = done; });
   return JSON.stringify({ seconds, said: state.textContent, seen, film: reader.result });
 })"""
-"""Function that makes a film of a shape in the dialog that opens, and returns its seconds, how often
-progress was visible, and its data URL."""
+"""Function that makes a film of a shape in the dialog that opens, and returns its seconds, how
+often progress was visible, and its data URL."""
 
 
 def films(reference_seconds: float) -> Section:
