@@ -1,5 +1,7 @@
 """Joint errors: sampled sizes and errors hold for other robots, and are not much too small."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from foldback.planner.errors import InputError
 from foldback.planner.pipeline.fold import fold
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.plan.plan import Plan
+from foldback.planner.verification.certificate_figures import ReportedFigures
 from tests.planner.chains import COIL, Array
 from tests.planner.clearance.reference import separation
 
@@ -92,3 +95,11 @@ def test_units_of_a_joint_error_mean_the_same() -> None:
     for text in ("0.3deg", "0.3 deg", ".3°", "0.00523599rad"):
         error_rad = FoldRequest(joint_error=text).parameters().joint_error_rad
         assert error_rad == pytest.approx(ERROR_RAD)
+
+
+def test_forged_module_size_is_noticed(plan: Plan) -> None:
+    errors = replace(_errors(plan), module_size=0.99)
+    forged = replace(plan, certificate=replace(plan.certificate, joint_errors=errors))
+    stated = ReportedFigures(forged, None, None)
+    differences = list(stated.differences(plan.certificate, []))
+    assert any("joint_errors.module_size" in difference for difference in differences)
