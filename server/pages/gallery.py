@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from functools import cache
+from functools import cache, lru_cache
 from typing import Final
 
 from fastapi import APIRouter, Depends, Request
@@ -12,7 +12,6 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from foldback.planner.errors import InputError
 from foldback.planner.parameters.parameters import World
 from foldback.planner.pipeline.request import FoldRequest
-from foldback.planner.readers.gallery import GalleryShape
 from foldback.server.api.folds import post_fold
 from foldback.server.context import context_of, in_list_rate
 from foldback.server.errors import ServiceError, refusal_of
@@ -29,11 +28,9 @@ from foldback.server.pages.cards import (
 )
 from foldback.server.pages.page import not_found, origin_of, page
 from foldback.server.pages.problem_page import not_found_page
-from foldback.server.processes.read_task import MAX_DRAWN_CELLS
 from foldback.server.store.owner import Claim
 from foldback.server.submission.fold_inputs import Origin
-from foldback.web.pictures.moving_drawing import path_svg
-from foldback.web.pictures.shipped_pictures import shipped_pictures
+from foldback.web.pictures.shipped_pictures import shipped_motion, shipped_pictures
 from foldback.words.gallery import (
     CARD_STATUS_LABELS,
     CHAIN_LABELS,
@@ -93,17 +90,16 @@ async def drawing_of_shape(request: Request, name: str) -> Response:
 
 
 @router.get("/shapes/{name}/motion.svg")
-async def path_of_shape(request: Request, name: str) -> Response:
-    """Return the drawing of an example shape in which the path of its chain appears."""
-    shape = context_of(request).gallery.shape(name)
-    if shape is None or shape.modules > MAX_DRAWN_CELLS:
-        return not_found()
-    return (await asyncio.to_thread(_path, shape)).response(request, DRAWING_HEADERS)
+async def motion_of_shape(request: Request, name: str) -> Response:
+    """Return the moving drawing of a fold into an example shape."""
+    asset = await asyncio.to_thread(_motion, name)
+    return not_found() if asset is None else asset.response(request, DRAWING_HEADERS)
 
 
-@cache
-def _path(shape: GalleryShape) -> Asset:
-    return Asset.of(path_svg(shape.chain).encode(), "image/svg+xml")
+@lru_cache(maxsize=256)
+def _motion(name: str) -> Asset | None:
+    svg = shipped_motion(name)
+    return None if svg is None else Asset.of(svg, "image/svg+xml")
 
 
 @cache

@@ -60,7 +60,7 @@ async def robots() -> Response:
 WEB_MANIFEST: Final = {
     "name": "foldback",
     "short_name": "foldback",
-    "description": "Turn a shape into a folding motion you can trust.",
+    "description": "Turn any shape into a chain of robot cubes that folds itself.",
     "start_url": ".",
     "display": "browser",
     "background_color": "#f7f5f1",

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from docs.make_drawings import PICTURES, draw_shape
+from examples.make_motions import is_of_shape
 from examples.make_pictures import pictures
-from foldback.web.pictures.shipped_pictures import shipped_pictures
+from foldback.planner.readers.gallery import Gallery, gallery
+from foldback.web.pictures.shipped_pictures import shipped_motion, shipped_pictures
 from tests.web.timeline.decoding import decode
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -39,3 +41,11 @@ def test_shipped_picture_equals_a_new_drawing(name: str) -> None:
         if values.dtype.kind == "f":
             computed = np.sort(drawn_columns[column], axis=None)
             np.testing.assert_allclose(computed, np.sort(values, axis=None), atol=1e-6)
+
+
+def test_moving_drawings_of_the_gallery_fold_into_its_shapes() -> None:
+    assert [shape.name for shape in gallery() if shipped_motion(shape.name) is None] == []
+    for name in ("tetra-ring", "heart"):
+        shape = Gallery().shape(name)
+        assert shape is not None
+        assert is_of_shape((shipped_motion(name) or b"").decode(), shape)

@@ -1,4 +1,4 @@
-"""Moving drawings: SVG files in which a chain folds, or its path is drawn through its shape.
+"""Moving drawings: SVG files in which a chain folds as recorded.
 
 They need no script, so that lists can show them in place of a drawing. An ``<img>`` plays them.
 """
@@ -22,32 +22,15 @@ DRAWING_SIZE_PX: Final = 160
 """Width and height of moving drawings, in CSS pixels; they scale."""
 MAX_POINTS: Final = 6000
 """Maximum number of points in a moving drawing of a motion, each of a module in a frame; together
-they take about 60 kB."""
+they take about 35 kB."""
 MAX_FRAMES: Final = 28
 """Maximum number of frames of a motion between which a moving drawing interpolates."""
 MIN_FRAMES: Final = 8
 """Number of frames below which the motion would not be recognised; longer chains are not drawn."""
 SAMPLED_FRAMES: Final = 120
 """Number of recorded frames among which those of a moving drawing are chosen."""
-PATH_S: Final = 4.0
-"""Duration of a drawing in which the path of a chain appears, in s."""
 FOLDING_S: Final = 6.0
 """Duration of a drawing in which a chain folds, in s."""
-PATH_COLOUR: Final = "#3b70ec"
-
-
-def path_svg(chain: Chain) -> str:
-    """Draw the chain's path, module by module, through its transparent shape."""
-    drawing = chain_drawing(chain)
-    points = projected(chain.module, chain.folded_poses.positions)
-    shape = _shown(drawing.body, "1;.3;.3;1;1", "0;.06;.72;.8;1", PATH_S)
-    line = (
-        f'<polyline points="{_points(points)}" pathLength="1" stroke-dasharray="1" fill="none" '
-        f'stroke="{PATH_COLOUR}" stroke-width="{0.3 * _spacing(points):.1f}">'
-        f"{_animated('stroke-dashoffset', '1;1;0;0', '0;.06;.7;1', PATH_S)}</polyline>"
-    )
-    path = _shown(line, "1;1;0;0", "0;.72;.8;1", PATH_S)
-    return Drawing(shape + path, drawing.box).svg(size=DRAWING_SIZE_PX)
 
 
 def frames_of_motion(recorded: int, modules: int) -> int:
@@ -73,20 +56,19 @@ def folding_svg(chain: Chain, positions: Sequence[Array]) -> str:
     boxes = [_square(p.min(axis=0) - margin, p.max(axis=0) + margin) for p in pictures[:-1]]
     boxes.append(_square(np.array([left, top]), np.array([left + width, top + height])))
     times = ";".join(f"{0.72 * k / (len(pictures) - 1):.3g}" for k in range(len(pictures))) + ";1"
-    motion = ";".join(_points(picture) for picture in (*pictures, pictures[-1]))
+    motion = ";".join(_line(picture) for picture in (*pictures, pictures[-1]))
     wide = _spacing(folded)
     lines = "".join(
         f'<use href="#c" stroke="{colour}" stroke-width="{share * wide:.1f}"/>'
         for colour, share in (("#646d79", 1.0), ("#d5dae0", 0.75))
     )
     chain_lines = (
-        f'<defs><polyline id="c" fill="none">{_animated("points", motion, times, FOLDING_S)}'
-        f"</polyline></defs>{lines}"
+        f'<defs><path id="c" fill="none">{_animated("d", motion, times)}</path></defs>{lines}'
     )
     body = (
-        _animated("viewBox", ";".join((*boxes, boxes[-1])), times, FOLDING_S)
-        + _shown(chain_lines, "1;1;0;0", "0;.72;.78;1", FOLDING_S)
-        + _shown(drawing.body, "0;0;1;1;0", "0;.7;.76;.96;1", FOLDING_S)
+        _animated("viewBox", ";".join((*boxes, boxes[-1])), times)
+        + _shown(chain_lines, "1;1;0;0", "0;.72;.78;1")
+        + _shown(drawing.body, "0;0;1;1;0", "0;.7;.76;.96;1")
     )
     return Drawing(body, boxes[0]).svg(size=DRAWING_SIZE_PX)
 
@@ -131,17 +113,21 @@ def _square(low: Array, high: Array) -> str:
     return f"{left:.0f} {top:.0f} {side:.0f} {side:.0f}"
 
 
-def _points(points: Array) -> str:
-    return " ".join(f"{x},{y}" for x, y in np.rint(points).astype(int).tolist())
+def _line(points: Array) -> str:
+    """Return the data of a path through points; short steps need few characters."""
+    rounded = np.rint(points).astype(int)
+    x, y = rounded[0].tolist()
+    steps = "".join(f" {dx} {dy}" for dx, dy in np.diff(rounded, axis=0).tolist())
+    return f"M{x} {y}l{steps.replace(' -', '-').strip()}"
 
 
-def _animated(name: str, values: str, times: str, duration_s: float) -> str:
+def _animated(name: str, values: str, times: str) -> str:
     return (
         f'<animate attributeName="{name}" values="{values}" keyTimes="{times}" '
-        f'dur="{duration_s:g}s" repeatCount="indefinite"/>'
+        f'dur="{FOLDING_S:g}s" repeatCount="indefinite"/>'
     )
 
 
-def _shown(body: str, opacities: str, times: str, duration_s: float) -> str:
+def _shown(body: str, opacities: str, times: str) -> str:
     """Return a group whose opacity changes over time."""
-    return f"<g>{_animated('opacity', opacities, times, duration_s)}{body}</g>"
+    return f"<g>{_animated('opacity', opacities, times)}{body}</g>"
