@@ -101,7 +101,7 @@ export class TourPanel {
     this.restore();
     this.box.hidden = true;
     this.place.stop = null;
-    this.place.note();
+    if (this.place.acted) this.place.write(); // at once: a reload must not open the tour again
     get("tour").setAttribute("aria-expanded", "false");
     if (this.box.contains(document.activeElement)) get("tour").focus();
   }
