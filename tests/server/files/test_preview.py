@@ -90,6 +90,22 @@ def test_mesh_becomes_about_as_many_modules_as_requested(idle: Service) -> None:
     assert report(idle, preview=computed_report["id"], modules="128") == computed_report
 
 
+def test_word_and_drawing_are_previewed_with_their_options(idle: Service) -> None:
+    word = idle.preview("word.txt", "word: Анна", thickness="2")
+    assert (word["kind"], word["name"], word["has_path"]) == ("word", "АННА", True)
+    assert np.ptp(word["cells"], axis=0)[1] == 3
+    drawing = (
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 6 6">'
+        '<path d="M1 1h4v4h-4zM2 2v2h2v-2z"/></svg>'
+    )
+    ring = idle.preview("ring.svg", drawing, modules="96")
+    assert (ring["kind"], ring["modules"], ring["has_path"]) == ("picture", 96, True)
+    assert ring["iou"] > 0.98
+    ground = idle.preview(preview=ring["id"], modules="96", inside_out="true")
+    assert (ground["kind"], ground["name"]) == ("picture", "ring")
+    assert ground["cells"] != ring["cells"]
+
+
 @pytest.mark.long
 def test_path_starts_at_the_requested_cell_and_is_folded_so(idle: Service) -> None:
     computed_report = report(idle, stl(), modules="32")

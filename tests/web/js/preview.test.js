@@ -87,6 +87,16 @@ test("a number of modules stays within its bounds, which are shown when they are
   assert.deepEqual([preview.modulesAt(0), preview.modulesAt(1000)], [8, 12_000]);
 });
 
+test("options of a picture are part of the address, and its modules can be chosen", () => {
+  const preview = opened("?threshold=40&inside_out=true&thickness=2");
+  assert.equal(preview.query, "?threshold=40&inside_out=true&thickness=2");
+  assert.equal(preview.count, null);
+  preview.take(report({ kind: "picture", modules: 800 }));
+  assert.equal(preview.count, 800);
+  preview.change({ threshold: null, inside_out: false, thickness: null });
+  assert.equal(preview.query, "");
+});
+
 test("the starting cell is dropped when cells change, and kept when only their order does", () => {
   for (const [change, start] of [
     [{ ends: "surface" }, "1,2,3"],
