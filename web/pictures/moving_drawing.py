@@ -10,7 +10,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from foldback.planner.chain.chain import Chain
 from foldback.web.pictures.isometric import DRAWING_MARGIN_PITCH, PITCH_UNITS, Drawing
@@ -79,6 +78,8 @@ def _standing(chain: Chain, positions: Sequence[Array]) -> list[Array]:
     A floating chain turns as a whole while it folds. The straight chain is not turned, and the
     others more and more, as in the player (``Standing`` in ``kinematics.js``).
     """
+    from scipy.spatial.transform import Rotation  # late: importing it takes a while
+
     centred = [frame - frame.mean(axis=0) for frame in positions]
     folded = chain.folded_poses.positions
     turn = Rotation.align_vectors(folded - folded.mean(axis=0), centred[-1])[0]

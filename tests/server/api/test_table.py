@@ -71,7 +71,7 @@ def test_fold_on_a_table_shows_its_torque_and_forces(service: Service) -> None:
     assert shown_table["text"].startswith("The chain stays on the table; its hinges need at most ")
     assert len(shown_table["assumptions"]) == len(table["assumptions"])
     assert ["Torque limit", "9 w·p"] in shown_table["rows"]
-    assert "How often the simulation of the explosion went back to an earlier frame" in [
+    assert "How often the simulation of unfolding went back to an earlier frame" in [
         row_label for row_label, _ in shown_table["rows"]
     ]
     assert (

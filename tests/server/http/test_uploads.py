@@ -16,7 +16,8 @@ BAD: dict[str, tuple[bytes, str, str | None]] = {
     "not adjacent": (path_file([*GOOD[:42], *GOOD[43:]]), "not-adjacent", "cells 41 and 42"),
     "empty": (b"", "empty", None),
     "truncated": (path_file(GOOD)[:-200], "", None),
-    "another kind": (b"\x89PNG\r\n\x1a\n" + bytes(200), "wrong-kind", None),
+    "another kind": (b"%PDF-1.7\n" + bytes(200), "wrong-kind", None),
+    "damaged picture": (b"\x89PNG\r\n\x1a\n" + bytes(200), "damaged", None),
     "too long": (path_file([[i, 0, 0] for i in range(1500)]), "too-many-modules", None),
     "pickle": (b"\x93NUMPY\x01\x00v\x00{'descr': '|O'", "", None),
 }

@@ -220,6 +220,7 @@ def test_key_differs_for_each_option() -> None:
     changes: dict[str, Any] = {"modules": 64, "method": "exact", "ends": "surface", "seed": 1}
     changes |= {"repair": True, "as_voxels": True, "path": False, "start": (0, 0, 0)}
     changes |= {"module": "tetrahedron", "world": "table", "quick": True}
+    changes |= {"threshold": 0.5, "inside_out": True, "thickness": 2}
     other_preview_requests = [PreviewRequest(**{name: value}) for name, value in changes.items()]
     assert len(other_preview_requests) == len(fields(PreviewRequest))
     assert (

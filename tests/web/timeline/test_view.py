@@ -41,7 +41,7 @@ def test_module_errors_are_those_of_the_timeline(timeline_path: Path) -> None:
     module_error_rad = timeline.snapshot(199).module_error_rad
     assert int(np.argmax(module_error_rad)) == 6
     assert module_error_rad[6] == pytest.approx(FINAL_ERROR_RAD, rel=1e-5)
-    assert timeline.error_scale_rad == 5e-3
+    assert timeline.error_scale_rad == FINAL_ERROR_RAD
 
 
 def test_outline_has_phases_and_the_largest_error(timeline_path: Path) -> None:
