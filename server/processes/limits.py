@@ -61,7 +61,7 @@ PR_SET_DUMPABLE: Final = 4
 (linux/prctl.h)."""
 CHILD_VARIABLES: Final = re.compile(
     r"PATH|HOME|USER|LOGNAME|LANG|LANGUAGE|LC_[A-Z]+|TZ|TMPDIR|TEMP|TMP|VIRTUAL_ENV|DISPLAY"
-    r"|(PYTHON|LD|DYLD|XDG|CONDA|MUJOCO|IMAGEIO|FFMPEG|COVERAGE"
+    r"|(PYTHON|OPENBLAS|LD|DYLD|XDG|CONDA|MUJOCO|IMAGEIO|FFMPEG|COVERAGE"
     r"|PYOPENGL|MESA|LIBGL|GALLIUM|GBM|EGL|__EGL|__GLX|CUDA|NVIDIA)_?[A-Z0-9_]*"
 )
 """Matches the names of environment variables that a computing process inherits; all others are
