@@ -45,11 +45,11 @@ MAKE_FILM: Final = """(async (shape) => {
   dialog.querySelector(`[value=${shape}]`).click();
   await pause(1000); // the small picture is drawn
   const startMs = performance.now();
-  let seen = 0;
+  let progressSeen = 0;
   make.click();
   while (!state.textContent) {
     await pause(50);
-    if (dialog.querySelector("progress").value > 0) seen++;
+    if (dialog.querySelector("progress").value > 0) progressSeen++;
   }
   const seconds = (performance.now() - startMs) / 1000;
   const { createObjectURL } = URL;
@@ -63,7 +63,7 @@ MAKE_FILM: Final = """(async (shape) => {
   const reader = new FileReader();
   reader.readAsDataURL(film);
   await new Promise((done) => { reader.onload = done; });
-  return JSON.stringify({ seconds, said: state.textContent, seen, film: reader.result });
+  return JSON.stringify({ seconds, said: state.textContent, progressSeen, film: reader.result });
 })"""
 """Function that makes a film of a shape in the dialog that opens, and returns its seconds, how
 often progress was visible, and its data URL."""
@@ -76,11 +76,11 @@ def films(reference_seconds: float) -> Section:
     with service_and_browser(shipped_folds=True) as (service, browser, folder):
         fold = service.fold(shape=SHAPE)["id"]
         address = f"{str(service.http.base_url).rstrip('/')}/folds/{fold}"
-        for name, made in (
+        for name, film_data in (
             ("Chromium", _in_chromium(browser, address)),
             ("Firefox", _in_firefox(folder / "firefox", address)),
         ):
-            _add_film(section, folder, name, made)
+            _add_film(section, folder, name, film_data)
         _add_phone(section, folder, _on_phone(service, browser))
     return section
 
@@ -110,10 +110,10 @@ def _film(page: Page, shape: str) -> dict[str, Any]:
     return json.loads(page.evaluate(f"{MAKE_FILM}({json.dumps(shape)})"))
 
 
-def _add_film(section: Section, folder: Path, name: str, made: dict[str, Any]) -> None:
-    section.rows.append({"browser": name, **_facts(folder, made)})
-    seconds = made["seconds"]
-    label = f"{SHAPE}, 10 s, 1080×1080, in {name}; progress seen {made['seen']} times"
+def _add_film(section: Section, folder: Path, name: str, film_data: dict[str, Any]) -> None:
+    section.rows.append({"browser": name, **_facts(folder, film_data)})
+    seconds = film_data["seconds"]
+    label = f"{SHAPE}, 10 s, 1080×1080, in {name}; progress seen {film_data['progressSeen']} times"
     section.add(label, f"{seconds:.1f} s", f"≤ {MAX_FILM_S:.0f} s", seconds <= MAX_FILM_S)
 
 
@@ -146,20 +146,19 @@ def _on_phone(service: Service, browser: Browser) -> tuple[dict[str, float], dic
         page.locator("#film:visible").wait_for()
         page.wait_for_function(f"() => {COMPLETE}")
         step("folded")
-        made = _film(page, "upright")
+        film_data = _film(page, "upright")
         step("filmed")
-        return seconds, made
+        return seconds, film_data
 
 
 def _add_phone(
-    section: Section, folder: Path, told: tuple[dict[str, float], dict[str, Any]]
+    section: Section, folder: Path, filmed: tuple[dict[str, float], dict[str, Any]]
 ) -> None:
-    steps, made = told
+    steps, film_data = filmed
     for name, seconds in steps.items():
         section.add(f"“{WORD}” on a phone: {name}", f"{seconds:.1f} s")
-    section.rows.append({"browser": "phone", **_facts(folder, made)})
-    typed, *rest = steps.values()
-    del typed
+    section.rows.append({"browser": "phone", **_facts(folder, film_data)})
+    _, *rest = steps.values()  # without typing
     section.add(
         f"“{WORD}”, from the typed word to its film, 10 s, 1080×1920",
         f"{sum(rest):.1f} s",
@@ -168,12 +167,12 @@ def _add_phone(
     )
 
 
-def _facts(folder: Path, made: dict[str, Any]) -> dict[str, Any]:
+def _facts(folder: Path, film_data: dict[str, Any]) -> dict[str, Any]:
     """Return the facts of a film, from ffprobe if that is installed."""
-    data = base64.b64decode(made["film"].partition(",")[2])
+    data = base64.b64decode(film_data["film"].partition(",")[2])
     path = folder / "film"
     path.write_bytes(data)
-    facts = {"seconds": made["seconds"], "MB": len(data) / 1e6, "said": made["said"]}
+    facts = {"seconds": film_data["seconds"], "MB": len(data) / 1e6, "said": film_data["said"]}
     if ffprobe := shutil.which("ffprobe"):
         entries = "stream=codec_name,width,height,pix_fmt:format=duration"
         command = [ffprobe, "-v", "error", "-show_entries", entries, "-of", "csv=p=0", str(path)]

@@ -7,11 +7,12 @@ from typing import TypeAlias
 
 from foldback.planner.errors import InputError
 from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.shapes.bridges import parts_of
 from foldback.planner.shapes.likeness import Likeness
 from foldback.planner.shapes.shape import Shape
 from foldback.planner.silhouettes.coarse_drawing import coarse_drawing
 from foldback.planner.silhouettes.extrusion import extruded
-from foldback.planner.silhouettes.joining import MAX_PARTS, joined, labelled
+from foldback.planner.silhouettes.joining import MAX_PARTS, joined
 from foldback.planner.silhouettes.picture import Picture
 from foldback.planner.silhouettes.word import Word
 
@@ -50,7 +51,7 @@ def drawn_shape(drawing: Drawing, options: PathOptions, cells: int) -> DrawnShap
         return DrawnShape(shape=extruded(letters, options.thickness, name=drawing.text))
     silhouette = drawing.silhouette(threshold=options.threshold, inside_out=options.inside_out)
     coarse = coarse_drawing(silhouette, max(1, round(cells / options.thickness)))
-    _, parts = labelled(coarse.cells)
+    parts = len(parts_of(coarse.cells)[1])
     if parts > MAX_PARTS:
         raise InputError(
             "too-many-parts",

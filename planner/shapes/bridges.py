@@ -33,8 +33,11 @@ class Bridged:
 
 
 def parts_of(cells: Flags) -> tuple[NDArray[np.int32], Ints]:
-    """Return the face-connected part of each cell, counted from 1, and the (P,) sizes."""
-    from scipy import ndimage  # not before a mesh is read: importing it takes a while
+    """Return the part of each cell, counted from 1, and the (P,) sizes of the parts.
+
+    Cells of a part share faces or, if the array has two dimensions, sides.
+    """
+    from scipy import ndimage  # late: importing it takes a while
 
     label: Any = ndimage.label
     numbers, _ = label(cells)

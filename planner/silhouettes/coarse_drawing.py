@@ -11,7 +11,7 @@ import numpy as np
 
 from foldback.planner.arrays import Array, Flags
 from foldback.planner.errors import InputError
-from foldback.planner.silhouettes.joining import labelled
+from foldback.planner.shapes.bridges import parts_of
 
 MAX_SIDE_CELLS: Final = 240
 """Maximum number of cells along one side of a drawing; more are refused."""
@@ -128,11 +128,10 @@ def _corner_sums(sums: Array, pitch: float, shift: float) -> Array:
 def _features(cells: Flags) -> tuple[int, int]:
     """Return the numbers of parts and of holes that are large enough to count."""
     padded = np.pad(cells, 1)
-    holes, count = labelled(~padded)
-    sizes = np.bincount(holes.ravel(), minlength=count + 1)[1:]
-    min_size = MIN_FEATURE_SHARE * cells.size
-    large = int((sizes >= min_size).sum())
-    return labelled(padded)[1], large - 1
+    _, hole_sizes = parts_of(~padded)
+    large = int((hole_sizes >= MIN_FEATURE_SHARE * cells.size).sum())
+    _, part_sizes = parts_of(padded)
+    return len(part_sizes), large - 1
 
 
 def _symmetry(cells: Flags) -> float:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foldback.planner.arrays import Flags, Ints
+from foldback.planner.shapes.bridges import parts_of
 
 MAX_PARTS: Final = 24
 """Maximum number of parts of a drawing that are joined; one with more is refused."""
@@ -29,15 +30,6 @@ class Joined:
     added: int
 
 
-def labelled(cells: Flags) -> tuple[NDArray[np.int32], int]:
-    """Return the part of each cell, from 1, and the number of parts that share no sides."""
-    from scipy import ndimage  # late: importing it takes a while
-
-    label: Any = ndimage.label
-    numbers, count = label(cells)
-    return numbers, int(count)
-
-
 def joined(cells: Flags) -> Joined:
     """Join the parts of a drawing, always the two that are nearest to each other.
 
@@ -45,13 +37,13 @@ def joined(cells: Flags) -> Joined:
         cells: (rows, columns) True for the cells, at least one.
     """
     cells = cells.copy()
-    numbers, parts = labelled(cells)
+    numbers, sizes = parts_of(cells)
     before = int(cells.sum())
     while numbers.max() > 1:
         start, end = _nearest(numbers)
         _bridge(cells, start, end)
-        numbers, _ = labelled(cells)
-    return Joined(cells=cells, parts=parts, added=int(cells.sum()) - before)
+        numbers, _ = parts_of(cells)
+    return Joined(cells=cells, parts=len(sizes), added=int(cells.sum()) - before)
 
 
 def _nearest(numbers: NDArray[np.int32]) -> tuple[Ints, Ints]:

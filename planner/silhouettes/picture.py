@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from foldback.planner.arrays import Flags
 from foldback.planner.errors import InputError
-from foldback.planner.silhouettes.joining import labelled
+from foldback.planner.shapes.bridges import parts_of
 
 MIN_TRANSPARENT_SHARE: Final = 0.02
 """Minimum share of the pixels that are transparent for the rest to be the silhouette; with fewer,
@@ -98,12 +98,11 @@ def otsu(brightness: NDArray[np.uint8]) -> float:
 
 def _without_specks(inside: Flags) -> Flags:
     """Return the silhouette without parts that are too small to matter."""
-    numbers, parts = labelled(inside)
-    if parts < 2:
+    numbers, sizes = parts_of(inside)
+    if len(sizes) < 2:
         return inside
-    sizes = np.bincount(numbers.ravel())
-    sizes[0] = 0
-    return (sizes >= max(1.0, MIN_PART_SHARE * float(sizes.sum())))[numbers]
+    is_part = sizes >= max(1.0, MIN_PART_SHARE * float(sizes.sum()))
+    return np.concatenate([[False], is_part])[numbers]
 
 
 def _one_colour() -> InputError:

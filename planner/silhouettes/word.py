@@ -10,6 +10,7 @@ import numpy as np
 
 from foldback.planner.arrays import Flags
 from foldback.planner.errors import InputError
+from foldback.planner.shapes.bridges import parts_of
 from foldback.planner.silhouettes.block_letters import drawing_of
 
 MAX_LETTERS: Final = 12
@@ -88,9 +89,7 @@ class Word:
 
 def _on_a_bar(letters: Flags) -> Flags:
     """Return drawings with a bar below them, and a foot of each part that reaches the last row."""
-    from scipy import ndimage  # late: importing it takes a while
-
-    numbers, _ = ndimage.label(letters)  # pyright: ignore[reportGeneralTypeIssues]
+    numbers, _ = parts_of(letters)
     feet = np.zeros((BAR_DISTANCE, letters.shape[1]), dtype=np.bool_)
     for part in np.unique(numbers[-1][letters[-1]]):
         columns = np.flatnonzero(np.any(numbers == part, axis=0))

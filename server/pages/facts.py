@@ -130,7 +130,7 @@ class Smoothing(TypedDict):
 
 
 class Build(TypedDict):
-    """Whether a robot could follow a plan, and the fold that suits other hinges."""
+    """Answer to whether a robot could follow a plan, and the fold that suits other hinges."""
 
     question: str
     words: BuildWords

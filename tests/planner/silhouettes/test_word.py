@@ -5,7 +5,7 @@ from foldback.planner.errors import InputError
 from foldback.planner.pathfinding.path_options import PathOptions
 from foldback.planner.pipeline.prepare import prepare
 from foldback.planner.readers import read
-from foldback.planner.silhouettes.joining import labelled
+from foldback.planner.shapes.bridges import parts_of
 from foldback.planner.silhouettes.word import Word
 
 
@@ -37,7 +37,7 @@ def test_word_has_a_path_in_each_script(word: str) -> None:
     assert preparation.name == word.upper()
     assert len(preparation.chain) % 8 == 0
     assert np.ptp(preparation.cells[:, 1]) == 1  # two modules thick
-    assert labelled(Word.of(word).drawing)[1] <= len(word) + 1
+    assert len(parts_of(Word.of(word).drawing)[1]) <= len(word) + 1
 
 
 def test_thickness_multiplies_the_modules() -> None:

@@ -53,9 +53,9 @@ export const configOf = ({ codec }, size, fps) => ({
  * @returns {Encoding[]}
  */
 export function offered(supported) {
-  const known = ENCODINGS.filter(({ codec }) => supported.some((other) => other.codec === codec));
-  return known.filter(
-    ({ container }, k) => known.findIndex((other) => other.container === container) === k,
+  const usable = ENCODINGS.filter(({ codec }) => supported.some((other) => other.codec === codec));
+  return usable.filter(
+    ({ container }, k) => usable.findIndex((other) => other.container === container) === k,
   );
 }
 
