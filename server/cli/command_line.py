@@ -17,6 +17,8 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
+from foldback.server.cli.interrupts import INTERRUPTED, Interrupts
+
 if TYPE_CHECKING:
     from typer._click import Command, Context
 
@@ -74,6 +76,9 @@ MEMORY_ERRORS: Final = (
 """Texts in errors that are no MemoryError when memory is used up."""
 
 
+INTERRUPTS: Final = Interrupts()
+
+
 class LazyCommands(TyperGroup):
     """Commands that are imported when called, because most import a simulator or a web server."""
 
@@ -91,6 +96,8 @@ class LazyCommands(TyperGroup):
         except OSError as error:
             _refuse(_system_error(error))
         except Exception as error:
+            if INTERRUPTS.came:
+                sys.exit(INTERRUPTED)
             if not is_memory_error(error):
                 raise
             _refuse(_memory_error())
@@ -156,6 +163,7 @@ def _version(is_asked: bool) -> None:
 
 def main() -> None:
     """Run the command line."""
+    INTERRUPTS.handle()
     _make_streams_safe()
     # NumPy reads these on import. Threads do not speed up linear algebra at these sizes.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
@@ -169,6 +177,7 @@ def main() -> None:
     try:
         application()(prog_name="foldback")
     except SystemExit as end:
+        INTERRUPTS.end()
         if brief and (end.code is None or isinstance(end.code, int)):
             _leave(end.code or 0)
         raise

@@ -27,9 +27,8 @@ from foldback.planner.sweeps.executors import Place
 from foldback.planner.sweeps.map import PAGE, PAGE_OF_PLAN, PLANS_DIR, PLAYERS_DIR
 from foldback.planner.sweeps.spec import SweepSpec
 from foldback.planner.sweeps.sweep import SPEC_FILE, SweepState
+from foldback.server.cli.interrupts import INTERRUPTED
 
-INTERRUPTED: Final = 130
-"""Exit status of a command that Ctrl-C has ended, as of shells."""
 LISTED_CASES: Final = 10
 """Number of folds that ``--dry-run`` lists."""
 LISTED_COLUMNS: Final = ("shape", "group", "modules", "method", "seed")
