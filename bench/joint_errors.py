@@ -17,7 +17,7 @@ from rich.console import Console
 
 from bench.machine import processor_seconds
 from bench.sections import Section
-from foldback.planner.clearance.joint_errors import SampledRobots
+from foldback.planner.clearance.joint_errors import SampledRobots, joint_errors
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.workspace import Workspace
@@ -82,6 +82,13 @@ def _section(rows: list[Row]) -> Section:
         f"≤ {MAX_RATIO}",
         max(ratios) <= MAX_RATIO,
     )
+    estimates = sorted(row["estimate / margin"] for row in verified if row["estimate / margin"])
+    section.add(
+        "estimate from the folded shape, divided by the margin: median, most",
+        f"{estimates[len(estimates) // 2]:.2f}, {estimates[-1]:.2f}",
+        f"≤ {MAX_RATIO}",
+        estimates[-1] <= MAX_RATIO,
+    )
     proved = sorted(row["ratio to proved"] for row in verified if row["ratio to proved"])
     section.add("the same, divided by the proved margin: median", f"{proved[len(proved) // 2]:.1f}")
     return section
@@ -121,9 +128,15 @@ def _row(shape: GalleryShape) -> Row:
     ).largest_error(size, touching=QUANTILE_ROBOTS // 20)
     assert quantile is not None
     margins = certificate.margins
+    estimate = joint_errors(plan.chain, plan.motion, module_size=size)
+    assert estimate is not None
     return {
         **row,
         "size": errors.module_size,
+        "estimated size": estimate.module_size,
+        "estimate / margin": estimate.tolerated_rad / errors.tolerated_rad
+        if errors.tolerated_rad
+        else None,
         "touching": touching,
         "margin, °": math.degrees(errors.tolerated_rad),
         "sampled 5 %, °": math.degrees(quantile),

@@ -9,8 +9,6 @@ from foldback.planner.certificate.figures import CertificateFigures, JointErrorF
 from foldback.planner.parameters.joint_error import MIN_SIZE
 from foldback.words.certificate import degrees_down, rounded_down
 
-GOOD_SERVO: Final = "0.3deg"
-"""Joint error of good servos, as an option of a fold."""
 SERVOS_DEG: Final = (
     (2.0, "hobby servos (1° to 2°)"),
     (1.0, "the best hobby servos (1°)"),
@@ -19,8 +17,6 @@ SERVOS_DEG: Final = (
 )
 """Joint errors within which common hinges stay, in degrees, largest first, and their names."""
 QUESTION: Final = "Could I build this?"
-SAMPLE_LABEL: Final = "Find the module size for good servos"
-"""Button that folds again with the joint error of good servos."""
 AGAIN_LABEL: Final = "Fold again so"
 """Button that folds again with the module size that a joint error allows."""
 HURDLES: Final = (
@@ -51,7 +47,7 @@ class BuildWords(TypedDict):
 
     Attributes:
         answer: How exact its hinges have to be.
-        size: Size of modules that tolerates usual hinges; how to find it if it is unknown.
+        size: Size of modules that tolerates usual hinges; what is known without it.
         sample: How both were found; empty if they are proved.
     """
 
@@ -66,10 +62,7 @@ def build_words(certificate: CertificateFigures) -> BuildWords | None:
         return {
             "answer": _answer(errors),
             "size": size_words(errors),
-            "sample": f"Sampled: {errors['robots']} robots with random hinge errors were followed "
-            f"through the whole motion. At most {errors['touching_with_error']} of them touched "
-            f"themselves with the largest error, and at most {errors['touching_at_size']} with the "
-            "largest modules.",
+            "sample": _sample(errors),
         }
     margins = certificate.get("margins")
     if not certificate.get("verified") or margins is None:
@@ -77,8 +70,7 @@ def build_words(certificate: CertificateFigures) -> BuildWords | None:
     proved = degrees_down(margins["independent_rad"]["value"])
     return {
         "answer": f"It is proved for hinges that are exact to {proved}.",
-        "size": "Most robots tolerate at least ten times as much. To sample robots, fold again "
-        f"with a joint error of {GOOD_SERVO.replace('deg', '°')}.",
+        "size": "Most robots tolerate at least ten times as much.",
         "sample": "",
     }
 
@@ -92,17 +84,41 @@ def size_words(errors: JointErrorFigures) -> str:
             "cell are too large."
         )
     return (
-        f"For servos of {error}, modules may fill at most "
+        f"For servos of {error}, modules may fill at most {_about(errors)}"
         f"{rounded_down(100 * size, 1).removesuffix('.0')} % of the cell."
     )
 
 
+def _about(errors: JointErrorFigures) -> str:
+    return "" if errors.get("swept", True) else "about "
+
+
 def _answer(errors: JointErrorFigures) -> str:
     """Return the error that the plan tolerates at its own size, and hinges that are as exact."""
-    tolerated_rad = errors["tolerated_rad"]
+    tolerated_rad, about = errors["tolerated_rad"], _about(errors)
     if tolerated_rad <= 0.0:
         return "No: any error of the hinges makes modules touch."
+    degrees = f"{about}{degrees_down(tolerated_rad)}"
     for limit_deg, servos in SERVOS_DEG:
         if math.degrees(tolerated_rad) >= limit_deg:
-            return f"Yes, with {servos}: hinges may be off by {degrees_down(tolerated_rad)}."
-    return f"Only if each hinge is exact to {degrees_down(tolerated_rad)}."
+            yes = "Probably" if about else "Yes"
+            return f"{yes}, with {servos}: hinges may be off by {degrees}."
+    return f"Only if each hinge is exact to {degrees}."
+
+
+def _sample(errors: JointErrorFigures) -> str:
+    """Return how errors and module sizes were found."""
+    robots, with_error = errors["robots"], errors["touching_with_error"]
+    touching = (
+        f"touched themselves with the largest error, and at most {errors['touching_at_size']} with "
+        "the largest modules."
+    )
+    if _about(errors):
+        return (
+            f"Estimated from the folded shape of {robots} robots with random hinge errors: at most "
+            f"{with_error} of them {touching}"
+        )
+    return (
+        f"Sampled: {robots} robots with random hinge errors were followed through the whole "
+        f"motion. At most {with_error} of them {touching}"
+    )

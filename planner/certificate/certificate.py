@@ -175,8 +175,7 @@ def certify(
         cancelled: Returns True to stop; the verdict then is a failure, and all clearances are
             None.
         forces: Receives torques and forces at each of the plan's frames, for a plan on a table.
-        with_margins: Compute the margins of a verified plan, and those of sampled robots if its
-            parameters name a joint error.
+        with_margins: Compute the margins of a verified plan, and those of sampled robots.
 
     Raises:
         InputError: ``bad-module-size``.
@@ -217,14 +216,13 @@ def certify(
         proved_margins = margins(
             chain, playback.reference, sweeps.plan, module_size=size, cancelled=cancelled
         )
-        if parameters.joint_error_rad is not None:
-            sampled_margins = joint_errors(
-                chain,
-                playback.reference,
-                module_size=size,
-                error_rad=parameters.joint_error_rad,
-                cancelled=cancelled,
-            )
+        sampled_margins = joint_errors(
+            chain,
+            playback.reference,
+            module_size=size,
+            error_rad=parameters.joint_error_rad,
+            cancelled=cancelled,
+        )
     return Certificate(
         reason=reason,
         table=on_table,

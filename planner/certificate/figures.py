@@ -122,6 +122,7 @@ class JointErrorFigures(TypedDict):
     robots: int
     touching_at_size: int
     touching_with_error: int
+    swept: bool
 
 
 class CertificateFigures(TypedDict, total=False):
@@ -447,7 +448,8 @@ class CertificateFigures(TypedDict, total=False):
         Figure(
             "Sampled robots with joint errors",
             help="Module size and hinge errors at which few enough of 300 sampled robots touch "
-            "themselves; missing unless the request names a joint error.",
+            "themselves; an estimate from the folded shape unless the request names a joint error. "
+            "Missing for a plan that is not verified, and for very long chains.",
         ),
     ]
 

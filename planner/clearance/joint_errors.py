@@ -1,8 +1,9 @@
 """Joint errors: how large modules and hinge errors may be for most robots to fold without contact.
 
 Robots are sampled: each has an error of its own in each hinge, the same all the time, independent
-and uniform between plus and minus the stated error. The whole motion of each robot is swept, so
-that a collision between two frames counts too.
+and uniform between plus and minus the stated error. With a stated error, the whole motion of each
+robot is swept, so that a collision between two frames counts too. Without one, only the folded
+shape is looked at, which limits most motions and takes a hundredth of the time.
 """
 
 from __future__ import annotations
@@ -10,16 +11,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
-from math import comb
+from math import comb, radians
 from typing import Final
 
 import numpy as np
 
-from foldback.planner.arrays import Array
+from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
-from foldback.planner.clearance.margins import FAILURE_PROBABILITY, FULL_SIZE
-from foldback.planner.clearance.sweep import closest_at_frames, sweep
-from foldback.planner.motion.motion import Motion, as_motion
+from foldback.planner.clearance.margins import FAILURE_PROBABILITY, FULL_SIZE, MAX_MARGIN_MODULES
+from foldback.planner.clearance.sweep import frame_clearances, sweep
+from foldback.planner.motion.motion import Motion
 from foldback.planner.parameters.joint_error import MIN_SIZE
 from foldback.planner.progress import Cancelled, never
 
@@ -34,6 +35,8 @@ built with this size: with 1 of 300, hardly any hundred of them has more than fi
 MAX_ANGLES: Final = 2**22
 """Maximum number of angles of a motion (frames × hinges) for which robots are sampled; a sweep of
 so many takes about a second of the processor."""
+USUAL_ERROR_RAD: Final = radians(0.3)
+"""Joint error of good servos, rad, for which a module size is estimated without a stated error."""
 SIZES: Final = np.linspace(MIN_SIZE, FULL_SIZE, 751).round(3)
 """Module sizes that are tried, in pitches."""
 ERRORS_RAD: Final = np.radians(5.0) * 1.01 ** np.arange(-900.0, 1.0)
@@ -54,6 +57,8 @@ class JointErrors:
         robots: Number of sampled robots.
         touching_at_size, touching_with_error: Maximum number of these that touch with
             ``module_size``, and with ``tolerated_rad``.
+        swept: True if the whole motion of each robot was swept; False for an estimate from the
+            folded shape.
     """
 
     error_rad: float
@@ -62,6 +67,7 @@ class JointErrors:
     robots: int = ROBOTS
     touching_at_size: int = MAX_TOUCHING_AT_SIZE
     touching_with_error: int = MAX_TOUCHING_WITH_ERROR
+    swept: bool = True
 
 
 def joint_errors(
@@ -69,26 +75,32 @@ def joint_errors(
     motion: Motion,
     *,
     module_size: float,
-    error_rad: float,
+    error_rad: float | None = None,
     cancelled: Cancelled = never,
 ) -> JointErrors | None:
-    """Return how large modules and errors may be; None for a very long motion, or if cancelled.
+    """Return how large modules and errors may be; None for a very long chain, or if cancelled.
 
     Args:
         chain: The chain.
         motion: A motion that is proved clear.
         module_size: Module size of the plan, as a fraction of the pitch.
-        error_rad: Error of each hinge for which a module size is looked for.
+        error_rad: Error of each hinge for which a module size is looked for; None for that of
+            good servos and an estimate. For a very long motion, there is only an estimate, too.
         cancelled: Polled between robots.
     """
-    if len(motion) * len(chain.folded_rad) > MAX_ANGLES:
+    swept = error_rad is not None and len(motion) * len(chain.folded_rad) <= MAX_ANGLES
+    if not swept and len(chain) > MAX_MARGIN_MODULES:
         return None
-    robots = SampledRobots(chain, motion.angles(chain), cancelled=cancelled)
-    size = robots.largest_size(error_rad)
+    ends = [motion.angles_at(chain, frame) for frame in (0, -1)]
+    angles = motion.angles(chain) if swept else np.stack(ends)
+    robots = SampledRobots(chain, angles, swept=swept, cancelled=cancelled)
+    size = robots.largest_size(error_rad := error_rad or USUAL_ERROR_RAD)
     error = robots.largest_error(module_size)
     if cancelled():
         return None
-    return JointErrors(error_rad=error_rad, module_size=size, tolerated_rad=error or 0.0)
+    return JointErrors(
+        error_rad=error_rad, module_size=size, tolerated_rad=error or 0.0, swept=swept
+    )
 
 
 def confidence(robots: int, touching: int) -> float:
@@ -108,9 +120,10 @@ class SampledRobots:
 
     Args:
         chain: The chain.
-        angles: (F, J) hinge angles of the motion, rad.
+        angles: (F, J) hinge angles of the motion, or of its two ends, rad.
         seed: Seed of the errors.
         count: Number of robots.
+        swept: Sweep whole motions; otherwise look only at the ends that are folded.
         cancelled: Polled between robots; then results mean nothing.
     """
 
@@ -118,17 +131,20 @@ class SampledRobots:
     angles: Array
     seed: int = 0
     count: int = ROBOTS
+    swept: bool = True
     cancelled: Cancelled = never
     errors: Array = field(init=False)
+    _ends: Array = field(init=False)
 
     def __post_init__(self) -> None:
         """Draw the (N, J) errors of the robots, as fractions of the stated error."""
+        self._ends = self.angles[[0, -1] if np.any(self.angles[0]) else [-1]]
         random = np.random.default_rng(self.seed)
         self.errors = random.uniform(-1.0, 1.0, (self.count, self.angles.shape[1]))
 
     def largest_size(self, error_rad: float, touching: int = MAX_TOUCHING_AT_SIZE) -> float | None:
         """Return the largest module size at which few enough touch; None if there is none."""
-        index, lower = self._first_guess(SIZES, lambda size: (error_rad, size), touching)
+        index, lower = self._largest([(error_rad, size) for size in SIZES.tolist()], touching)
         index = lower(index)
         return None if index < 0 else float(SIZES[index])
 
@@ -136,7 +152,8 @@ class SampledRobots:
         self, module_size: float, touching: int = MAX_TOUCHING_WITH_ERROR
     ) -> float | None:
         """Return the largest error, rad, at which few enough touch; None if there is none."""
-        index, lower = self._first_guess(ERRORS_RAD, lambda error: (error, module_size), touching)
+        settings = [(error_rad, module_size) for error_rad in ERRORS_RAD.tolist()]
+        index, lower = self._largest(settings, touching)
         # Unlike a smaller module, a smaller error may touch where a larger one is clear: after a
         # change, all robots are swept again.
         while (lowered := lower(index)) < index:
@@ -155,37 +172,41 @@ class SampledRobots:
         disturbed = self.angles + error_rad * self.errors[robot]
         return sweep(self.chain, disturbed, module_size=size, share=0.0).bound > 0.0
 
-    def _end_clearance(self, robot: int, error_rad: float, size: float) -> float:
-        """Return the clearance of the folded shape."""
-        folded = as_motion(self.angles[-1:] + error_rad * self.errors[robot])
-        return closest_at_frames(self.chain, folded, module_size=size).clearance
+    def _end_clearances(self, robots: Ints, error_rad: float, size: float) -> Array:
+        """Return the clearance of each robot's folded shape, or of both of a refold."""
+        errors = error_rad * self.errors[robots]
+        angles = (self._ends + errors[:, None]).reshape(-1, errors.shape[1])
+        clearances = frame_clearances(self.chain, angles, module_size=size)
+        return clearances.reshape(len(robots), -1).min(axis=1)
 
-    def _first_guess(
-        self, values: Array, setting: Callable[[float], tuple[float, float]], touching: int
+    def _largest(
+        self, settings: list[tuple[float, float]], touching: int
     ) -> tuple[int, Callable[[int], int]]:
-        """Return the index of a value that few enough folded robots tolerate, and what lowers it.
+        """Return the index of the last setting that few enough robots tolerate, and what lowers it.
 
-        The folded shape limits most motions, and is checked in a hundredth of the time: it says
-        where to begin, and which robots to look at first. The whole motions may tolerate less.
+        It is that of the ends of the motion, which limit most motions and are checked in a
+        hundredth of the time. The whole motions may tolerate less.
 
         Args:
-            values: Values in ascending order.
-            setting: Returns the error and the module size of a value.
+            settings: Error and module size, in ascending order.
             touching: Maximum number of robots that may touch.
         """
-        settings = [setting(float(value)) for value in values]
+        low, high, robots, left = -1, len(settings), np.arange(self.count), touching
+        while high - low > 1 and not self.cancelled():
+            middle = (low + high) // 2
+            touches = self._end_clearances(robots, *settings[middle]) <= 0.0
+            if (count := int(touches.sum())) > left:  # the others tolerate this and more
+                high, robots = middle, robots[touches]
+            else:
+                low, robots, left = middle, robots[~touches], left - count
+        if low < 0 or not self.swept:
+            return low, lambda index: index
 
-        def clear_at_end(robot: int, k: int) -> bool:
-            return self._end_clearance(robot, *settings[k]) > 0.0
+        def is_clear(robot: int, index: int) -> bool:
+            return self.cancelled() or self._is_clear(robot, *settings[index])
 
-        def clear(robot: int, k: int) -> bool:
-            return self.cancelled() or self._is_clear(robot, *settings[k])
-
-        order = list(range(self.count))
-        index = _lowered(len(values) - 1, order, clear_at_end, touching)
-        if index >= 0:
-            order.sort(key=lambda robot: self._end_clearance(robot, *settings[index]))
-        return index, partial(_lowered, robots=order, is_clear=clear, touching=touching)
+        order = np.argsort(self._end_clearances(np.arange(self.count), *settings[low])).tolist()
+        return low, partial(_lowered, robots=order, is_clear=is_clear, touching=touching)
 
 
 def _lowered(

@@ -156,6 +156,25 @@ def closest_at_frames(
     return ClosestMoment(clearance=closest.clearance, frame=closest.frame, modules=closest.modules)
 
 
+def frame_clearances(chain: Chain, angles: Array, *, module_size: float) -> Array:
+    """Return the (F,) clearances of configurations, in pitches, at most ``CLEARANCE_CAP``.
+
+    Args:
+        chain: The chain.
+        angles: (F, J) hinge angles, rad.
+        module_size: Module size as a fraction of the pitch.
+    """
+    query = _Query(
+        size=module_size,
+        share=0.0,
+        enough=CLEARANCE_CAP,
+        tolerance=EXACT,
+        frames_per_task=1,  # of a task, only the closest frame is known
+        frames_only=True,
+    )
+    return _swept(chain, as_motion(angles), query, never).per_frame
+
+
 def disturbed_sweep(
     chain: Chain,
     motion: Motion,

@@ -103,7 +103,9 @@ class PlanFigures:
             travel_ratio=certificate.get("travel_ratio"),
             hinges_moving_mean=certificate.get("hinges_moving_mean"),
             reversals_mean=certificate.get("reversals_mean"),
-            size_with_errors=errors and (errors["module_size"] or 0.0),
+            size_with_errors=(
+                (errors["module_size"] or 0.0) if errors and errors["swept"] else None
+            ),
         )
 
     def as_dict(self) -> dict[str, Any]:

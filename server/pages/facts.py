@@ -42,10 +42,8 @@ from foldback.words.failures import AttemptWords, Failure, attempts, failure, ti
 from foldback.words.fold import RUNNING_STATUSES, ShownFold, has_motion, step_count
 from foldback.words.joint_errors import (
     AGAIN_LABEL,
-    GOOD_SERVO,
     HURDLES,
     QUESTION,
-    SAMPLE_LABEL,
     BuildWords,
     build_words,
 )
@@ -103,8 +101,8 @@ USUAL_TRAJECTORY: Final = "trajectory?max_speed=1&max_acceleration=2&format=csv"
 """Trajectory with the limits that the page proposes, rad/s and rad/s²."""
 
 MAX_SAMPLED_MODULES: Final = 400
-"""Largest number of modules of a chain whose page offers to sample robots: 160 take half a minute
-of the processor, and the time grows with the square of the number."""
+"""Largest number of modules of a chain whose page offers a fold that sweeps sampled robots: 160
+take half a minute of the processor, and the time grows with the square of the number."""
 
 Form = dict[str, str | int | float]
 """Fields of a form that requests a fold."""
@@ -370,14 +368,15 @@ def _build(row: ShownFold, certificate: CertificateFigures, *, api: bool) -> Bui
     if words is None:
         return None
     errors, request, again = certificate.get("joint_errors"), request_of(row), None
-    if not api or row.refold or row.smooths or row.modules > MAX_SAMPLED_MODULES:
+    if not api or row.refold or row.smooths or errors is None:
         pass
-    elif errors is None:
-        form = _form(row, replace(request, joint_error=GOOD_SERVO), "preset")
-        again = _suggestion(Button(SAMPLE_LABEL), form)
     elif (size := errors["module_size"]) is not None and size < certificate.get("module_size", 0.0):
         error = f"{np.degrees(errors['error_rad']):.4g}deg"
-        smaller = replace(request, joint_error=error, module_size=size)
+        smaller = replace(
+            request,
+            joint_error=error if row.modules <= MAX_SAMPLED_MODULES else None,
+            module_size=size,
+        )
         again = _suggestion(Button(AGAIN_LABEL), _form(row, smaller, "preset"))
     return {"question": QUESTION, "words": words, "again": again, "hurdles": HURDLES}
 

@@ -4,7 +4,7 @@ from typing import Any
 from foldback.words.joint_errors import build_words
 
 
-def sampled(tolerated_deg: float, size: float | None) -> dict[str, Any]:
+def sampled(tolerated_deg: float, size: float | None, *, swept: bool = True) -> dict[str, Any]:
     """Return a certificate with sampled robots."""
     errors = {
         "error_rad": math.radians(0.3),
@@ -13,6 +13,7 @@ def sampled(tolerated_deg: float, size: float | None) -> dict[str, Any]:
         "robots": 300,
         "touching_at_size": 1,
         "touching_with_error": 8,
+        "swept": swept,
     }
     return {"verified": True, "module_size": 0.95, "joint_errors": errors}
 
@@ -31,6 +32,17 @@ def test_hinges_that_suffice_are_named() -> None:
         assert words is not None
         assert words["answer"].startswith("Yes, with") and servos in words["answer"]
         assert "even modules that fill only 25 % of the cell are too large" in words["size"]
+
+
+def test_estimate_is_no_promise() -> None:
+    words = build_words(sampled(0.0349, 0.84, swept=False))
+    assert words is not None
+    assert words["answer"] == "Only if each hinge is exact to about 0.034°."
+    assert words["size"] == "For servos of 0.3°, modules may fill at most about 84 % of the cell."
+    assert words["sample"].startswith("Estimated from the folded shape of 300 robots")
+    words = build_words(sampled(0.31, 0.84, swept=False))
+    assert words is not None
+    assert words["answer"].startswith("Probably, with good servos")
 
 
 def test_proved_margin_is_no_sampled_one() -> None:

@@ -134,7 +134,7 @@ def test_certificate_is_read_with_all_of_its_figures_or_not() -> None:
     chain, plan = closing()
     values = certify(chain, None, playback_of(plan), PARAMETERS).as_dict()
     assert Certificate.from_dict(values).as_dict() == values
-    for name in values:
+    for name in values.keys() - {"joint_errors"}:  # missing in plans of earlier versions
         other_entries = {key: value for key, value in values.items() if key != name}
         with pytest.raises(ValueError, match=f"without {name}"):
             Certificate.from_dict(other_entries)

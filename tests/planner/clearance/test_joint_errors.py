@@ -77,10 +77,21 @@ def test_error_that_no_module_size_tolerates_gets_none(plan: Plan) -> None:
     assert errors.tolerated_rad == _errors(plan).tolerated_rad
 
 
-def test_plan_without_a_joint_error_has_no_sampled_figures(plan: Plan) -> None:
+def test_estimate_without_a_joint_error_is_that_of_the_folded_shape(plan: Plan) -> None:
+    size = plan.certificate.module_size
+    estimate = joint_errors(plan.chain, plan.motion, module_size=size)
+    assert estimate is not None
+    assert not estimate.swept
+    assert estimate.error_rad == pytest.approx(ERROR_RAD)
+    assert estimate.tolerated_rad >= _errors(plan).tolerated_rad
+    share = _share(plan, 1.5 * estimate.tolerated_rad, size)
+    assert _share(plan, estimate.tolerated_rad, size) <= 0.05 < share
+
+
+def test_plan_of_an_earlier_version_has_no_sampled_figures(plan: Plan) -> None:
     values = plan.certificate.as_dict()
     assert type(plan.certificate).from_dict(values) == plan.certificate
-    del values["joint_errors"]  # as in plans of earlier versions
+    del values["joint_errors"]
     assert type(plan.certificate).from_dict(values).joint_errors is None
 
 
