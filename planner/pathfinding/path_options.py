@@ -179,7 +179,7 @@ class PathOptions:
         """Refuse invalid options.
 
         Raises:
-            InputError: An described is invalid; names it in ``where``.
+            InputError: An option is invalid; names it in ``where``.
         """
         for name, described in options_of(type(self)).items():
             described.check(getattr(self, name))

@@ -42,6 +42,10 @@ def fold(
     at_once: int | None = None,
     prefer: Preference = COMPUTING,
     joint_error: str | None = None,
+    modules: int | None = None,
+    threshold: int | None = None,
+    inside_out: bool = False,
+    thickness: int = 1,
     world: World = FLOATING,
     directory: str | FilePath | None = None,
     progress: Report = silent,
@@ -63,7 +67,12 @@ def fold(
             limit.
         prefer: Preference among several verified plans; ``computing`` takes the first one.
         joint_error: Error of each hinge, such as ``0.3deg``, for which the largest possible module
-            size is found, see ``Certificate.joint_errors``; None for none.
+            size is found, see ``Certificate.joint_errors``; None for an estimate.
+        modules: Approximate number of modules of a mesh or picture; None for the default.
+        threshold: Brightness, 1 to 99 percent, that divides a picture into figure and background;
+            None for the one that divides it best.
+        inside_out: Fold the background of a picture, not its figure.
+        thickness: Thickness of a word or picture, in cells.
         world: ``floating``, or on a ``table`` under gravity.
         directory: Directory that gets the plan, the timeline and the model, when all are written;
             they replace those of an earlier fold. None to write no file.
@@ -76,8 +85,8 @@ def fold(
         The plan, verified or not: see ``Plan.certificate``.
 
     Raises:
-        InputError: A shape without a path; an unknown preset; a seed, module size or setting out
-            of range; or the directory cannot be used, see
+        InputError: A shape without a path; an unknown preset; a seed, number or setting out of
+            range; or the directory cannot be used, see
             ``planner.pipeline.fold_layout.replacing_fold``.
     """
     if isinstance(shape, str):
@@ -92,6 +101,10 @@ def fold(
         at_once=at_once,
         prefer=prefer,
         joint_error=joint_error,
+        modules=modules,
+        threshold=threshold,
+        inside_out=inside_out,
+        thickness=thickness,
         world=world,
     )
     watch = Watch(progress=progress, cancelled=cancelled)

@@ -23,6 +23,7 @@ from foldback.planner.verification.verify import verify
 from tests.planner.chains import anchored, coil, line
 from tests.planner.folds import compare_motions, untimed
 from tests.planner.peels import snake
+from tests.planner.silhouettes.pictures import as_picture, ring
 
 CORNER = coil(3)
 ONE_ROBOT = "robots=1"
@@ -56,6 +57,15 @@ def test_word_or_file_of_any_shape_folds_in_memory_and_in_a_directory(
     assert in_memory.chain.name == "I"
     assert len(in_memory.chain) == 13 * 8
     assert_same_plans(fold(b"word: i", directory=tmp_path, settings="robots=0"), in_memory)
+
+
+def test_options_say_what_becomes_of_a_picture() -> None:
+    picture, settings = as_picture(ring()), "robots=0"
+    plan = fold(picture, modules=64, inside_out=True, thickness=2, settings=settings)
+    sides = np.ptp(plan.chain.folded_poses.positions, axis=0) + 1.0
+    assert sides.round().tolist() == [4.0, 4.0, 4.0]  # 2 × 2 cells in two layers
+    with pytest.raises(InputError, match="thickness"):
+        fold("word:I", thickness=0)
 
 
 def test_angles_that_degrees_do_not_hold_exactly_are_taken_as_they_are(tmp_path: FilePath) -> None:
