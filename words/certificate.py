@@ -80,6 +80,23 @@ def headline(certificate: CertificateFigures, reader: Reader = PEOPLE) -> str:
     return f"{verdict_words(certificate, reader)}{f': {proved}' if proved else ''}"
 
 
+def safety(certificate: CertificateFigures, modules: str) -> str | None:
+    """Return in plain words that no modules collide; None unless that is proved.
+
+    Args:
+        certificate: The certificate of the plan.
+        modules: Number of its modules with their kind, for example "160 cubes".
+    """
+    bound = certificate.get("clearance_bound")
+    if not certificate.get("verified") or bound is None or bound <= 0.0:
+        return None
+    size = certificate.get("module_size") or DEFAULT_MODULE_SIZE
+    smaller = f" at {_filled(size)} % of full size" if size != DEFAULT_MODULE_SIZE else ""
+    gap = f"at least {rounded_down(100.0 * bound, 1)} % of the spacing"
+    motors = ". Motors not simulated" if certificate.get("simulated") is False else ""
+    return f"Safe{smaller}: the {modules} never collide. Smallest gap: {gap}{motors}"
+
+
 def clearance(certificate: CertificateFigures) -> str | None:
     """Return the proved clearance in % of the spacing; None if nothing is proved.
 
@@ -94,8 +111,14 @@ def clearance(certificate: CertificateFigures) -> str | None:
     size = certificate.get("module_size") or DEFAULT_MODULE_SIZE
     if size == DEFAULT_MODULE_SIZE:
         return f"modules stay at least {percent} % of the spacing apart"
-    filled = rounded_down(100.0 * size, 1).removesuffix(".0")
-    return f"modules that fill {filled} % of the spacing stay at least {percent} % of it apart"
+    return (
+        f"modules that fill {_filled(size)} % of the spacing stay at least {percent} % of it apart"
+    )
+
+
+def _filled(size: float) -> str:
+    """Return a size of modules in %, rounded down: 80 or 80.6."""
+    return rounded_down(100.0 * size, 1).removesuffix(".0")
 
 
 def rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:

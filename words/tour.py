@@ -9,7 +9,14 @@ from foldback.planner.certificate.figures import CertificateFigures
 from foldback.planner.chain.display_names import clean_name
 from foldback.planner.plan.moments import CONTACT_LINKS, Meeting, Moments
 from foldback.planner.plan.tour import MAX_CAPTION, MAX_STOP_MODULES, MAX_TITLE, Stop, Tour
-from foldback.words.certificate import clearance, headline, label_of, main_rows, torque
+from foldback.words.certificate import (
+    clearance,
+    headline,
+    label_of,
+    main_rows,
+    safety,
+    torque,
+)
 from foldback.words.failures import failure
 from foldback.words.fold import ShownFold, shown_name
 from foldback.words.messages import nearest_frame
@@ -64,7 +71,7 @@ def draft_stops(row: ShownFold, frames: int, moments: Moments | None = None) -> 
         return [DraftStop("start", first), DraftStop("failure", last)]
     stored_moments = moments or _bare(certificate, frames)
     stops = _start(row, stored_moments)
-    end = _done(certificate, _title(row), frames)
+    end = _done(row, certificate, frames)
     if stored_moments.steps:
         stops += [DraftStop("step", stop) for stop in _steps(stored_moments)]
         return [*stops, DraftStop("end", end)]
@@ -206,8 +213,9 @@ def _direct(moments: Moments) -> Stop | None:
     return _meeting(text, direct)
 
 
-def _done(certificate: CertificateFigures, title: str, frames: int) -> Stop:
-    sentences = [f"Done: {title}", sentence(headline(certificate))]
+def _done(row: ShownFold, certificate: CertificateFigures, frames: int) -> Stop:
+    verdict = safety(certificate, row.counted) or sentence(headline(certificate))
+    sentences = [f"Done: {_title(row)}", verdict]
     label = label_of("fold_time_s")
     if time := dict(main_rows(certificate))[label]:
         sentences.append(f"{label}: {time}")

@@ -58,11 +58,14 @@ def verdict_of(
     modules = row.counted.replace(" ", NO_BREAK_SPACE) if row.modules else None
     if row.status == "verified":
         strategy = (summary.get("explosion") or {}).get("strategy")
-        headline = certificate_words.headline(certificate) or "verified"
+        safety = certificate_words.safety(certificate, row.counted.replace(" ", NO_BREAK_SPACE))
         best = choice and superlative(choice["prefer"], len(choice["plans"]))
         if smoothing := summary.get("smoothing"):
             best = smoothing_label(smoothing)
         baseline = certificate_words.baseline(strategy)
+        if safety is not None:
+            return _verdict("good", safety, baseline, best)
+        headline = certificate_words.headline(certificate) or "verified"
         return _verdict("good", sentence(headline), baseline, best, modules)
     if row.status == "failed":
         reason = sentence(reason_words(row, summary) or "").removesuffix(".")

@@ -31,9 +31,9 @@ MOVING: Final = """() => {
 }"""
 """Condition that is true once a frame after the first one is drawn."""
 VERIFIED: Final = (
-    "() => /^Verified/.test(document.getElementById('verdict')?.textContent?.trim() ?? '')"
+    "() => /^Safe/.test(document.getElementById('verdict')?.textContent?.trim() ?? '')"
 )
-"""Condition that is true once the page shows the verdict "Verified"."""
+"""Condition that is true once the page shows the verdict "Safe"."""
 MAX_AFTER_FOLD_S: Final = {"first motion": 1.0, "verified": 5.0}
 """Maximum seconds after *Fold*, on two cores that do nothing else."""
 

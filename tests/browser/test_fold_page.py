@@ -52,14 +52,14 @@ def test_page_polls_when_its_event_stream_is_refused(visit: Visit) -> None:
     verdict = page.locator("#verdict")
     expect(verdict).to_have_text(re.compile(r" 40 % · 1.?200 steps · 12 s simulated$"))
     states.clear()
-    expect(verdict).to_have_text(re.compile("^Verified"))
+    expect(verdict).to_have_text(re.compile("^Safe"))
     expect(page.locator("#progress")).to_be_hidden()
 
 
 @pytest.mark.parametrize("view", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_fold_is_inspected(visit: Visit, service: Service, wrench: str, view: bool) -> None:
     page = visit(f"/folds/{wrench}", height=480, view=view)
-    verdict = r"^Verified \(simulated\): modules stay at least \d+\.\d\s% .* apart · 24\scubes$"
+    verdict = r"^Safe: the 24\scubes never collide\. Smallest gap: at least \d+\.\d\s% "
     expect(page.locator("#verdict")).to_have_text(re.compile(verdict))
     if view:  # otherwise the page's own drawing stays; its colours are the same
         page.locator("#sketch.gone").wait_for(state="attached")

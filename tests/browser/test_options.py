@@ -48,7 +48,7 @@ def test_paper_settings_are_offered_validated_and_shown(visit: Visit, service: S
     page.locator("[name=step_s]").fill("0.01")  # defaults are not sent
     page.locator("#fold").click()
     fold = wait_for_fold(page)
-    expect(page.locator("#verdict")).to_have_text(re.compile("^Verified"))
+    expect(page.locator("#verdict")).to_have_text(re.compile("^Safe"))
     assert service.state(fold)["settings"] == "damping=0.12,radial_gain=5"
     open_tab(page, "properties")
     changed = page.locator(".group", has=page.locator("summary", has_text="Changed settings"))

@@ -13,6 +13,7 @@ from foldback.words.certificate import (
     record,
     robot_in_mujoco,
     rows,
+    safety,
     torque,
 )
 from tests.planner.certificate.test_table_certificate import LIFTED, line, swing
@@ -55,6 +56,18 @@ def test_headline_has_the_proved_clearance_rounded_down() -> None:
     )
     failed = SIMULATED | {"verified": False, "reason": {"code": "cancelled", "values": {}}}
     assert headline(failed) == "failed: the check was cancelled"
+
+
+def test_only_a_proof_is_called_safe() -> None:
+    proved = "the 12 tetrahedra never collide. Smallest gap: at least 3.1 % of the spacing"
+    assert safety(SIMULATED, "12 tetrahedra") == f"Safe: {proved}"
+    smaller = FOLLOWED | {"module_size": 0.8}
+    assert safety(smaller, "12 tetrahedra") == (
+        f"Safe at 80 % of full size: {proved}. Motors not simulated"
+    )
+    failed = {"verified": False, "reason": {"code": "cancelled", "values": {}}}
+    for unproved in (failed, {"clearance_bound": None}, {"clearance_bound": 0.0}):
+        assert safety(SIMULATED | unproved, "12 tetrahedra") is None
 
 
 def test_negative_clearance_is_called_an_overlap() -> None:

@@ -3,7 +3,7 @@
 import { element, get, number as numberText, radians, svg, integerText } from "../lib/text.js";
 import { PHASES } from "./timeline.js";
 
-const REAL = "real"; // real time of the robot
+const REAL = "real"; // the speed of the robot
 
 const PRESSED = /** @type {const} */ (["reverse", "loop", "follow", "live"]);
 const USED = /** @type {const} */ ([
@@ -58,6 +58,7 @@ export class Bar {
     this.state = null;
     this.onStuck = () => {};
     this.scrub = get("scrub");
+    this.speedHint = get("speed").title;
     this.frame = new FrameField(player);
     this.range = new LoopRange(player);
     const send = (/** @type {Command} */ message) => () => player.send(message);
@@ -205,14 +206,21 @@ export class Bar {
     this.range.show(state);
     get("r-time").textContent =
       state.time_s === null ? "" : `simulated ${numberText(state.time_s, 3)} s`;
-    get("r-pace").textContent =
-      state.pace === null ? "" : `${Number(state.pace.toPrecision(2))}× real time`;
+    this.showPace(state.pace);
     get("r-error").textContent =
       state.error_rad === null ? "" : `Joint error ${radians(state.error_rad)}`;
     this.scrub.setAttribute(
       "aria-valuetext",
       `${PHASES[state.phase] ?? ""}, frame ${Math.round(state.frame) + 1} of ${state.frames}`,
     );
+  }
+
+  // Add the ratio of playing to the robot's speed to the hint of the speeds.
+  /** @param {number | null} pace */
+  showPace(pace) {
+    const ratio = pace === null ? null : Number(pace.toPrecision(2));
+    const now = ratio === null ? "" : ` Now ${ratio} × the robot’s speed.`;
+    if (get("speed").title !== this.speedHint + now) get("speed").title = this.speedHint + now;
   }
 
   get folding() {
