@@ -16,6 +16,8 @@ import shutil
 from pathlib import Path
 from typing import Final
 
+from msgspec.structs import replace
+
 from bench.sweep_sections import OUT, SPECS, Row, current_rows, fold_missing
 from foldback.planner.storage.files import write_whole
 from foldback.planner.sweeps.map import SweepMap
@@ -37,6 +39,25 @@ PICTURE: Final = ROOT / "web" / "static" / "success-map.svg"
 """File of the success map, which the page /benchmarks shows."""
 FOLD: Final = ("group", "shape", "method", "seed")
 """Columns that name a fold, whatever version of the planner has computed it."""
+MAP_NAMES: Final = {
+    "method": {
+        "direct": "joints turned directly",
+        "one-by-one": "one hinge at a time",
+        "paper": "as in the paper",
+        "simultaneous": "all at once",
+        "blocks": "blocks first",
+        "peel": "from one end",
+        "auto": "automatic",
+    },
+    "group": {
+        "snake": "row by row",
+        "assembly": "removable",
+        "block": "2×2×2",
+        "exact": "searched",
+        "random": "random",
+    },
+}
+"""Names of methods and of kinds of paths in the success map, by column and by name in the spec."""
 
 
 def store_results(name: str) -> None:
@@ -78,7 +99,14 @@ def store_map() -> None:
 def map_of(rows: list[Row]) -> str:
     """Return the picture of the success map."""
     spec = SweepSpec.from_toml(SPECS / f"{MAP}.toml")
-    return SweepMap.of(spec, rows).picture()
+    methods, groups = MAP_NAMES["method"], MAP_NAMES["group"]
+    renamed = replace(
+        spec,
+        methods={methods[name]: part for name, part in spec.methods.items()},
+        shapes={groups[name]: part for name, part in spec.shapes.items()},
+    )
+    shown = [{**row, **{by: MAP_NAMES[by][row[by]] for by in MAP_NAMES}} for row in rows]
+    return SweepMap.of(renamed, shown).picture()
 
 
 def main() -> None:
