@@ -192,18 +192,18 @@ def margin_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]
     )
     return [
         (
-            "Margin for the module size",
-            f"each module may fill up to {rounded_down(100.0 * size['value'], 1)} % of the "
-            f"spacing; {_limit(size)}",
+            "Largest module size",
+            f"modules may grow to {rounded_down(100.0 * size['value'], 1)} % of the spacing; "
+            f"{_limit(size)}",
         ),
         (
-            "Margin for an error in one hinge",
-            f"up to {degrees_down(one_hinge['value'])} if all other hinges are exact; "
+            "Allowed error of one hinge",
+            f"{degrees_down(one_hinge['value'])} if all other hinges are exact; "
             f"{_limit(one_hinge)}",
         ),
         (
-            "Margin for random errors in all hinges",
-            f"up to {degrees_down(all_hinges['value'])} in each hinge; with such errors, modules "
+            "Hinge accuracy needed",
+            f"{degrees_down(all_hinges['value'])} in all hinges; with such random errors, modules "
             f"touch in at most {100 * margins['failure_probability']:.0f} of 100 robots; "
             f"{_limit(all_hinges)}",
         ),
@@ -217,7 +217,7 @@ def _limit(margin: MarginFigures) -> str:
     assert modules is not None
     first, second = (module + 1 for module in modules)
     frame = nearest_frame(place["frame"]) + 1
-    return f"modules {first} and {second} set this limit near frame {frame} of the plan"
+    return f"beyond that, modules {first} and {second} may touch near frame {frame} of the plan"
 
 
 def degrees_down(angle_rad: float) -> str:

@@ -30,7 +30,7 @@ from foldback.words.messages import (
     nearest_frame,
     reason_text,
 )
-from foldback.words.quantities import STRATEGY_LABELS, quantity, sentence, spacings
+from foldback.words.quantities import STRATEGY_LABELS, quantity, sentence, spacings, unbroken
 
 FAILURE_HEADINGS: Final = {
     "knot": "The chain is knotted",
@@ -127,7 +127,7 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
     text = sentence(text.rstrip("."))
     return {
         "heading": FAILURE_HEADINGS[kind],
-        "text": f"{text}.",
+        "text": unbroken(f"{text}."),
         "modules": modules,
         "frame": frame,
         "blocks": _blocks(evidence) if evidence else [],
@@ -196,6 +196,19 @@ def timeline_reader(summary: FoldSummary) -> Reader:
 def refusal_text(refusal: ReasonFigures, summary: FoldSummary) -> str:
     """Return the reason why a plan is not verified, with frames counted along the timeline."""
     return reason_text(refusal, timeline_reader(summary))
+
+
+def collision(summary: FoldSummary) -> str | None:
+    """Return which modules of a refused plan collide, and where; None for another reason."""
+    refusal = refusal_of(summary)
+    if refusal is None or refusal["code"] != ReasonCode.OVERLAP:
+        return None
+    values = refusal["values"]
+    modules = values.get("modules")
+    names = "modules" if not modules else f"modules {modules[0] + 1} and {modules[1] + 1}"
+    simulated = "" if values.get("motion") == "plan" else " in the simulation,"
+    progress = 100.0 * values.get("progress", 0.0)
+    return f"{names} collide{simulated} {progress:.0f} % through the motion"
 
 
 def reason_words(row: ShownFold, summary: FoldSummary) -> str | None:

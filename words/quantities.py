@@ -34,7 +34,7 @@ CONTROLLER_LABELS: Final = {
     "robot": "Servos with feed-forward",
     "computed-torque": "Computed torque (an ideal robot)",
     "paper": "Threshold rule from the paper",
-    "direct": "Direct servoing",
+    "direct": "Joints turned directly",
 }
 
 
@@ -139,6 +139,11 @@ def _parameter(described: Description, name: str, value: object) -> tuple[str, s
     if name == "controller":
         value = CONTROLLER_LABELS.get(str(value), value)
     return described.label, quantity(value, described.unit)
+
+
+def unbroken(text: str) -> str:
+    """Return a text in which lines do not break between a number and %."""
+    return text.replace(" %", f"{NO_BREAK_SPACE}%")
 
 
 def sentence(text: str) -> str:

@@ -18,7 +18,7 @@ class Button(NamedTuple):
 
 AGAIN_LABELS: Final = {
     "same": "Fold again",
-    "preset": "Try with the default preset",
+    "preset": "Try foldback’s own method",
     "module_size": "Try the default module size",
     "strategy": "Try to unfold all hinges at once",
     "seed": "Try another random seed",
@@ -30,10 +30,11 @@ PUBLISHED_CHANGED: Final = Button("Published method, modified", "With your own s
 EXPLOSION: Final = Button("All hinges at once", "Smooth motion, without rests between turns")
 OTHER_PRESETS: Final = {
     "default": Button(
-        "Default preset", "Single turns for short chains, otherwise all hinges at once"
+        "foldback’s own method", "Single turns for short chains, otherwise all hinges at once"
     ),
     "direct": Button(
-        "Direct servoing", "Turns every joint directly to its final angle (fails for most shapes)"
+        "Joints turned directly",
+        "Every joint turns straight to its final angle; fails for most shapes",
     ),
 }
 """Presets, besides the published one, that a fold may be compared with."""

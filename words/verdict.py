@@ -9,10 +9,10 @@ from foldback.planner.certificate.figures import CertificateFigures, Fault, Fold
 from foldback.planner.parameters.parameters import FLOATING
 from foldback.planner.progress import STAGES
 from foldback.words import certificate as certificate_words
-from foldback.words.failures import reason_words
+from foldback.words.failures import collision, reason_words
 from foldback.words.fold import ShownFold
 from foldback.words.plan_choice import Choice, superlative
-from foldback.words.quantities import NO_BREAK_SPACE, PRESET_LABELS, sentence
+from foldback.words.quantities import NO_BREAK_SPACE, PRESET_LABELS, sentence, unbroken
 from foldback.words.settings import in_a_line
 from foldback.words.smoothing import smoothing_label
 
@@ -68,6 +68,8 @@ def verdict_of(
         headline = certificate_words.headline(certificate) or "verified"
         return _verdict("good", sentence(headline), baseline, best, modules)
     if row.status == "failed":
+        if (crash := collision(summary)) is not None:
+            return _verdict("bad", f"Not safe: {crash}", modules)
         reason = sentence(reason_words(row, summary) or "").removesuffix(".")
         return _verdict("bad", "Not verified", reason, modules)
     if row.status == "cancelled":
@@ -79,7 +81,7 @@ def verdict_of(
 
 def _verdict(tone: str, *parts: str | None) -> Verdict:
     text = " · ".join(part for part in parts if part)
-    return {"tone": tone, "text": text.replace(" %", f"{NO_BREAK_SPACE}%")}
+    return {"tone": tone, "text": unbroken(text)}
 
 
 def problem_of(row: ShownFold, summary: FoldSummary) -> Problem | None:

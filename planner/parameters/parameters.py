@@ -29,7 +29,7 @@ PRESET_CHOICES: Final[Choices] = {
     "default": Choice(label="foldback’s own"),
     "paper": Choice(label="As in the paper", note="the published method"),
     "direct": Choice(
-        label="Direct servoing (usually fails)",
+        label="Joints turned directly (usually fails)",
         note="turns all joints directly to their final angles; fails for most shapes",
     ),
 }

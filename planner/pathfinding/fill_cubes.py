@@ -23,7 +23,7 @@ from foldback.planner.shapes.shape import Shape
 BLOCK_CELLS: Final = 8
 """Number of cells, 2×2×2, by which a repair replaces each voxel of a shape, as such shapes always
 have a path."""
-DOUBLED: Final = "Each voxel became 2×2×2 modules."
+DOUBLED: Final = "Each cell of the file became 2×2×2 modules."
 ALWAYS_A_PATH: Final = " A connected shape of 2×2×2 blocks always has a path."
 
 
@@ -54,7 +54,7 @@ class Cubes:
         elif method == "blocks" and halved(shape) is None:
             shape, was_doubled = doubled(shape), True
         elif options.modules not in (None, cell_count) and not options.repair and not of_solid:
-            notes = (f"Each voxel became one module, so the chain has {cell_count} modules.",)
+            notes = (f"Each cell became one module, so the chain has {cell_count} modules.",)
         scale = round((len(shape) / cell_count) ** (1 / 3))
         state = feasibility(shape)
         if was_doubled:

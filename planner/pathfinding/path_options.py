@@ -75,9 +75,9 @@ class PathOptions:
     method: str = option(
         "auto",
         title="Path method",
-        help="Method that finds the path. `blocks` splits each voxel into 2×2×2 modules, "
+        help="Method that finds the path. `blocks` splits each cell into 2×2×2 modules, "
         "`fitted` chooses the cells of a mesh together with the path, `exact` uses one module for "
-        "each voxel and, in zero gravity, meets the number of modules of a mesh exactly, and "
+        "each cell and, in zero gravity, meets the number of modules of a mesh exactly, and "
         "`snake` works only for boxes.",
         label="Path",
         choices=PATH_METHODS,

@@ -190,7 +190,7 @@ def _words(values: PathValues) -> dict[str, Any]:
     words.setdefault("others", "")
     words["no"] = "proved that there is no" if values.get("proved") else "found no"
     words["every"] = (
-        "every path that starts flat on the floor, even if it goes down in between,"
+        "every path that starts flat on the floor"
         if values.get("falls")
         else "every path that starts on the floor and never goes down"
     )
@@ -263,7 +263,7 @@ TEXTS: Final = {
     ),
     PathCode.GIVEN_CELLS: (
         "the file gives the order of the cells, so the chain can start in {ends}, but not in "
-        "{cell}. Read the cells as voxels to find other paths."
+        "{cell}. Read the cells as a shape to find other paths."
     ),
     PathCode.UNDECIDED: (
         "no path was found in {limit_s:g} s, but a path may exist; give the search more time, "
@@ -308,8 +308,7 @@ TEXTS: Final = {
         "and come back."
     ),
     PathCode.HAIRPINS_ONLY: (
-        "{every} turns back directly above itself at some point. On a table, a chain cannot make "
-        "such a turn."
+        "a chain on a table cannot turn back directly above itself, but {every} does so somewhere."
     ),
     PathCode.NO_ASCENDING_PATH: (
         "the search {no} path that starts on the floor and never goes down."

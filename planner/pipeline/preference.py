@@ -19,7 +19,7 @@ CALM: Final = "calm"
 """Value of a request's preference that asks for the calmest motion."""
 PREFERENCES: Final[Mapping[Preference, Choice]] = {
     COMPUTING: Choice(
-        label="First verified plan",
+        label="First plan that works",
         note="the first verified plan",
         hint="Stops at the first plan that works.",
     ),

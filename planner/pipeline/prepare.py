@@ -486,7 +486,7 @@ def read_in_any_order(
         if error.code != "not-adjacent":
             raise
         note = (
-            "The cells were read as voxels, not as a path, because some cells that follow each "
+            "The cells were read as a shape, not as a path, because some cells that follow each "
             "other are not neighbours."
         )
     shape = read(data, filename=filename, as_voxels=True)
@@ -532,7 +532,7 @@ def check_for_table(chain: Chain) -> None:
         raise InputError(
             "not-for-a-table",
             f"got a path along which a chain cannot fold on a table: {fault_text} "
-            "Expected a path that rises layer by layer; read the cells as voxels to find such a "
+            "Expected a path that rises layer by layer; read the cells as a shape to find such a "
             "path.",
             reasons=[fault.reason.as_dict() for fault in faults[:MAX_LISTED_VIOLATIONS]],
         )

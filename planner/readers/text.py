@@ -49,7 +49,7 @@ BYTE_ORDER_MARKS: Final = (
 """Byte order marks with their encodings, tried in this order: the marks of UTF-32 come first, as
 that of little-endian UTF-32 begins like that of UTF-16."""
 READ_AS_VOXELS: Final = (
-    "if the order of the cells has no meaning, read the cells as voxels (option as_voxels)"
+    "if the order of the cells has no meaning, read the cells as a shape (option as_voxels)"
 )
 
 

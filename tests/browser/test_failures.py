@@ -117,7 +117,7 @@ NOTE_COVERS = """addEventListener("DOMContentLoaded", () => {
 def test_failed_baseline_offers_the_default_preset(visit: Visit) -> None:
     page = visit("/", script=NOTE_COVERS)
     page.locator("details.options > summary").click()
-    page.locator("#preset").select_option(label="Direct servoing (usually fails)")
+    page.locator("#preset").select_option(label="Joints turned directly (usually fails)")
     page.locator("[data-shape=wrench-80]").click()
     wait_for_fold(page)
     expect(page.locator("#verdict")).to_have_attribute("data-tone", "bad")
@@ -125,7 +125,7 @@ def test_failed_baseline_offers_the_default_preset(visit: Visit) -> None:
     page.locator("#sketch.gone").wait_for(state="attached")
     assert page.evaluate("window.covers.every((hidden) => hidden)")
     before = page.url
-    page.locator("#again", has_text="Try with the default preset").click()
+    page.locator("#again", has_text="Try foldback’s own method").click()
     page.wait_for_url(lambda url: "/folds/" in url and url != before)
     expect(page.locator("#verdict")).to_have_attribute("data-tone", "good")
 

@@ -91,7 +91,7 @@ def test_fastest_plan_is_chosen_and_all_are_shown_as_dots_and_rows(
     facts = service.http.get(f"/folds/{fold}/facts").json()
     plans = facts["choice"]["plans"]
     assert f"fastest of {len(plans)} plans" in facts["verdict"]["text"]
-    (first,) = (way for way in facts["compare"] if way["text"] == "First verified plan")
+    (first,) = (way for way in facts["compare"] if way["text"] == "First plan that works")
     assert first["form"]["prefer"] == "computing"
     expect(page.locator(".choice-dot")).to_have_count(len(plans))
     expect(page.locator(".choice-dot.chosen")).to_have_count(1)

@@ -135,7 +135,7 @@ def test_compare_plays_and_turns_two_folds_together(
 ) -> None:
     page = visit(f"/folds/{wrench}", view=False)
     page.locator("#compare").click()
-    page.get_by_role("button", name="Direct servoing").click()
+    page.get_by_role("button", name="Joints turned directly").click()
     page.wait_for_url("**/compare?a=*&b=*")
     direct = page.url.rsplit("b=", 1)[1]
     service.wait_over(direct)

@@ -102,20 +102,17 @@ def test_margins_are_rounded_down_and_name_their_limit() -> None:
         "independent_rad": {"value": 3.845e-5, "limited_by": place},
         "failure_probability": 0.05,
     }
-    limit = "modules 1 and 159 set this limit near frame 43 of the plan"
+    limit = "beyond that, modules 1 and 159 may touch near frame 43 of the plan"
     shown_rows = dict(rows(SIMULATED | {"margins": margins}))
-    assert shown_rows["Margin for the module size"] == (
-        f"each module may fill up to 99.5 % of the spacing; {limit}"
+    assert shown_rows["Largest module size"] == (
+        f"modules may grow to 99.5 % of the spacing; {limit}"
     )
     assert (
-        shown_rows["Margin for an error in one hinge"]
-        == f"up to 0.17° if all other hinges are exact; {limit}"
+        shown_rows["Allowed error of one hinge"] == f"0.17° if all other hinges are exact; {limit}"
     )
-    assert str(shown_rows["Margin for random errors in all hinges"]).startswith(
-        "up to 0.0022° in each "
-    )
-    assert "5 of 100 robots" in str(shown_rows["Margin for random errors in all hinges"])
-    assert "Margin for an error in one hinge" not in dict(rows(SIMULATED))
+    assert str(shown_rows["Hinge accuracy needed"]).startswith("0.0022° in all hinges; ")
+    assert "5 of 100 robots" in str(shown_rows["Hinge accuracy needed"])
+    assert "Allowed error of one hinge" not in dict(rows(SIMULATED))
 
 
 def test_kinematic_certificate_has_no_figures_of_a_simulation() -> None:

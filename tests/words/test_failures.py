@@ -8,9 +8,10 @@ from typing import Any, cast, get_args
 
 import numpy as np
 
+from foldback.planner.certificate.figures import FoldSummary
 from foldback.planner.motion.failure_schemas import KnotFigures, SpentKind
 from foldback.web.pictures.knot_drawing import KnotDrawing, drawing_of
-from foldback.words.failures import FAILURE_HEADINGS, attempts, failure
+from foldback.words.failures import FAILURE_HEADINGS, attempts, collision, failure
 
 KNOT = {"kind": "knot", "modules": [5, 6, 9], "words": "its path is knotted.", "evidence": None}
 
@@ -145,14 +146,30 @@ def test_failure_by_an_overlap_has_its_frame() -> None:
     failure_page = failure(row(), summary)
     assert failure_page is not None and failure_page["heading"] == "Modules overlap"
     assert failure_page["text"] == (
-        "In the plan, modules 4 and 8 overlap by 1.19 % of the spacing "
-        "(each module fills 100 % of the spacing)."
+        "In the plan, modules 4 and 8 overlap by 1.19\N{NO-BREAK SPACE}% of the spacing "
+        "(each module fills 100\N{NO-BREAK SPACE}% of the spacing)."
     )
     assert (failure_page["modules"], failure_page["frame"]) == ([3, 7], 212.5)
     # Their timelines contain only their own plans.
     for alone in ({"refold": {"start": "a"}}, {"smoothing": {"way": "smoothed"}}):
         summary_values = failure(row(), {**summary, **alone})
         assert summary_values is not None and summary_values["frame"] == 12.5
+
+
+def test_only_an_overlap_is_called_not_safe() -> None:
+    values = {"motion": "plan", "modules": [3, 7], "progress": 0.401, "frame": 12.5}
+    refusal = {"code": "overlap", "values": {**values, "depth": 0.01, "module_size": 0.95}}
+    assert collision(refused(refusal)) == "modules 4 and 8 collide 40 % through the motion"
+    in_a_robot = {**refusal, "values": {**refusal["values"], "motion": "simulated playback"}}
+    assert collision(refused(in_a_robot)) == (
+        "modules 4 and 8 collide in the simulation, 40 % through the motion"
+    )
+    assert collision(refused({"code": "touch", "values": values})) is None
+    assert collision({}) is None
+
+
+def refused(refusal: dict[str, Any]) -> FoldSummary:
+    return cast("FoldSummary", {"certificate": {"reason": refusal}})
 
 
 def test_failure_of_a_playback_that_ends_elsewhere() -> None:

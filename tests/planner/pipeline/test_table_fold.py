@@ -117,7 +117,7 @@ def test_settings_of_a_table_are_its_parameters() -> None:
 def test_shape_without_a_path_for_a_table_is_refused_with_the_reason() -> None:
     shape = (SHAPES / "wrench-24.json").read_bytes()
     options = FoldRequest(world="table", as_voxels=True).path_options()
-    with pytest.raises(InputError, match="turns back directly above itself"):
+    with pytest.raises(InputError, match="cannot turn back directly above itself"):
         _ = prepare(shape, "wrench-24.json", options).chain
     path = [[0, 0, 1], [1, 0, 1], [2, 0, 1], [2, 0, 0], [1, 0, 0], [0, 0, 0], [0, 1, 0], [1, 1, 0]]
     with refused("not-for-a-table"):

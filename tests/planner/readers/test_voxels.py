@@ -61,7 +61,7 @@ def test_lists_of_cells_are_read_as_voxels_on_request() -> None:
             np.testing.assert_array_equal(shape_in(data, as_voxels=True).cells, L_SHAPE)
             refusal = refusal_of(data)
             assert refusal.code == "not-adjacent"
-            assert "read the cells as voxels" in refusal.detail
+            assert "read the cells as a shape" in refusal.detail
 
 
 def test_paths_grids_and_axes_of_voxels() -> None:

@@ -103,7 +103,7 @@ def test_shape_without_a_path_is_refused_with_the_reason() -> None:
         (np.concatenate([TEE, TEE + (0, 1, 0)]), "not-stable", "cells of the path would tip over"),
         (front("####", "#..#", "#..#"), "overhang", "2 cells with nothing below"),
         (front("#..#", "#..#", "####"), "parts", "layer 2"),
-        (front("###", "###"), "hairpins-only", "turns back directly above itself"),
+        (front("###", "###"), "hairpins-only", "cannot turn back directly above itself"),
         (PLUS, "no-path", "chessboard"),
         (box_array(1, 1, 6), "no-path", "only one cell touches the floor"),
     ):

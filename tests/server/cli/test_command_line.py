@@ -48,7 +48,7 @@ def test_unordered_cells_are_read_as_voxels_on_request(tmp_path: Path) -> None:
     file, out = tmp_path / "cells.json", str(tmp_path / "path.json")
     file.write_text(json.dumps(cells))
     note = (
-        "The cells were read as voxels, not as a path, because some cells that follow each other "
+        "The cells were read as a shape, not as a path, because some cells that follow each other "
         "are not neighbours."
     )
     for options in ((), ("--as-voxels",)):

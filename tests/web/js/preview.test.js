@@ -321,7 +321,7 @@ test("a report says what is lost, and about how many modules are how much like t
 
 test("each note is shown in one place", () => {
   const notes = [
-    "The cells were read as voxels, not as a path, because some cells that follow each other are not neighbours.",
+    "The cells were read as a shape, not as a path, because some cells that follow each other are not neighbours.",
     "the rest",
   ];
   const repaired = "added the cell (1, 0, 2).";

@@ -17,7 +17,10 @@ import { confirmed, renamed } from "./dialogs.js";
 const S = 1000;
 const LOOK_MS = 3000;
 /** @type {Record<string, string>} */
-const METHODS = { direct: "direct servoing", paper: "published method" };
+const METHODS = {
+  direct: "joints turned directly",
+  paper: "method from the paper",
+};
 
 // Return a duration in whole minutes, hours or days.
 /** @param {number} value in seconds */
