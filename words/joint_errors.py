@@ -81,11 +81,11 @@ def size_words(errors: JointErrorFigures) -> str:
     if size is None:
         return (
             f"For servos of {error}, even modules that fill only {100 * MIN_SIZE:.0f} % of the "
-            "cell are too large."
+            "spacing are too large."
         )
     return (
         f"For servos of {error}, modules may fill at most {_about(errors)}"
-        f"{rounded_down(100 * size, 1).removesuffix('.0')} % of the cell."
+        f"{rounded_down(100 * size, 1).removesuffix('.0')} % of the spacing."
     )
 
 

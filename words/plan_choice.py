@@ -259,7 +259,7 @@ def _torque(value: float | None) -> str:
 
 
 def _filled(size: float | None) -> str:
-    return f"{rounded_down(100 * size, 1)} % of the cell" if size else "none"
+    return f"{rounded_down(100 * size, 1)} % of the spacing" if size else "none"
 
 
 def _margin(value: float | None) -> str:

@@ -22,7 +22,7 @@ def test_sampled_robots_say_which_hinges_and_modules_suffice() -> None:
     words = build_words(sampled(0.0349, 0.84))
     assert words is not None
     assert words["answer"] == "Only if each hinge is exact to 0.034°."
-    assert words["size"] == "For servos of 0.3°, modules may fill at most 84 % of the cell."
+    assert words["size"] == "For servos of 0.3°, modules may fill at most 84 % of the spacing."
     assert "300 robots" in words["sample"]
 
 
@@ -31,14 +31,16 @@ def test_hinges_that_suffice_are_named() -> None:
         words = build_words(sampled(tolerated_deg, None))
         assert words is not None
         assert words["answer"].startswith("Yes, with") and servos in words["answer"]
-        assert "even modules that fill only 25 % of the cell are too large" in words["size"]
+        assert "even modules that fill only 25 % of the spacing are too large" in words["size"]
 
 
 def test_estimate_is_no_promise() -> None:
     words = build_words(sampled(0.0349, 0.84, swept=False))
     assert words is not None
     assert words["answer"] == "Only if each hinge is exact to about 0.034°."
-    assert words["size"] == "For servos of 0.3°, modules may fill at most about 84 % of the cell."
+    assert (
+        words["size"] == "For servos of 0.3°, modules may fill at most about 84 % of the spacing."
+    )
     assert words["sample"].startswith("Estimated from the folded shape of 300 robots")
     words = build_words(sampled(0.31, 0.84, swept=False))
     assert words is not None
