@@ -177,7 +177,10 @@ def _row(certificate: CertificateFigures, name: str) -> tuple[str, str | None]:
     if simulated and certificate.get("simulated") is False:
         return figure.label, NOT_SIMULATED
     digits = CERTIFICATE_DIGITS if name in ERRORS else SIGNIFICANT_DIGITS
-    return figure.label, quantity(certificate.get(name), figure.unit, digits)
+    value = certificate.get(name)
+    if figure.unit == "pitch" and isinstance(value, int | float):
+        return figure.label, spacings(value, digits)
+    return figure.label, quantity(value, figure.unit, digits)
 
 
 def margin_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
@@ -380,7 +383,7 @@ def _lowest(clearance: float) -> str:
     if abs(clearance) < 1e-3:  # else rounding shows as a gap
         return "on the table top"
     side = "above" if clearance > 0.0 else "below"
-    return f"{quantity(abs(clearance), 'pitch', CERTIFICATE_DIGITS)} {side} the table top"
+    return f"{spacings(abs(clearance), CERTIFICATE_DIGITS)} {side} the table top"
 
 
 def _rose(record: TableRecord) -> str:
@@ -400,10 +403,11 @@ def robots(certificate: CertificateFigures) -> str | None:
     if not playbacks:
         return None
     min_clearance = min(playback["min_clearance"] for playback in playbacks)
+    smallest = rounded_down(100.0 * min_clearance, 1).replace("-", "−")
     return (
         f"{len(playbacks)} robot{'s' if len(playbacks) > 1 else ''} with random imperfections; "
         "the view shows the robot with the largest errors. "
-        f"The smallest clearance is {rounded_down(min_clearance).replace('-', '−')} pitch"
+        f"The smallest clearance is {smallest} % of the spacing"
     )
 
 
@@ -473,7 +477,7 @@ def record(certificate: CertificateFigures, *, limit_rad: float | None = None) -
     flaws: list[str] = []
     clearance = certificate.get("min_clearance_record")
     if clearance is not None and clearance < -ROUNDING_PITCH:
-        flaws.append(f"modules overlap by {quantity(-clearance, 'pitch', CERTIFICATE_DIGITS)}")
+        flaws.append(f"modules overlap by {spacings(-clearance, CERTIFICATE_DIGITS)}")
     bent = certificate.get("max_angle_record_rad")
     if bent is not None and limit_rad is not None and bent > limit_rad + 1e-6:
         flaws.append(
@@ -497,7 +501,9 @@ def _seen(certificate: CertificateFigures) -> float | None:
 
 
 def _at_least(value: float | None) -> str | None:
-    return None if value is None or value <= 0.0 else f"at least {rounded_down(value)} pitch"
+    if value is None or value <= 0.0:
+        return None
+    return f"at least {rounded_down(100.0 * value, 1)} % of the spacing"
 
 
 def rounded_down(value: float, digits: int = 3) -> str:

@@ -21,7 +21,7 @@ PREFERENCES: Final[Mapping[Preference, Choice]] = {
     COMPUTING: Choice(
         label="First plan that works",
         note="the first verified plan",
-        hint="Stops at the first plan that works.",
+        hint="Quickest to compute: takes the first plan that passes all checks.",
     ),
     "time": Choice(
         label="Shortest folding time",

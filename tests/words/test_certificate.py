@@ -139,7 +139,7 @@ def test_text_about_a_record_that_overlaps() -> None:
     for changes, words in (
         (
             {"min_clearance_record": -0.0042},
-            "modules overlap by 0.0042 pitch. This does not happen in the plan.",
+            "modules overlap by 0.42 % of the spacing. This does not happen in the plan.",
         ),
         ({"max_angle_record_rad": 1.62}, "a joint turns to 92.8°, beyond its limit of ±92°. This"),
     ):

@@ -219,7 +219,7 @@ export class Bar {
   /** @param {number | null} pace */
   showPace(pace) {
     const ratio = pace === null ? null : Number(pace.toPrecision(2));
-    const now = ratio === null ? "" : ` Now ${ratio} × the robot’s speed.`;
+    const now = ratio === null ? "" : ` Now ${ratio} times the robot’s speed.`;
     if (get("speed").title !== this.speedHint + now) get("speed").title = this.speedHint + now;
   }
 
