@@ -195,19 +195,19 @@ def margin_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]
     )
     return [
         (
-            "Largest module size",
-            f"modules may grow to {rounded_down(100.0 * size['value'], 1)} % of the spacing; "
+            "Tolerated module size (proved)",
+            f"modules may fill up to {rounded_down(100.0 * size['value'], 1)} % of the spacing; "
             f"{_limit(size)}",
         ),
         (
-            "Allowed error of one hinge",
-            f"{degrees_down(one_hinge['value'])} if all other hinges are exact; "
+            "Tolerated error of one hinge (proved)",
+            f"up to {degrees_down(one_hinge['value'])} if all other hinges are exact; "
             f"{_limit(one_hinge)}",
         ),
         (
-            "Hinge accuracy needed",
-            f"{degrees_down(all_hinges['value'])} in all hinges; with such random errors, modules "
-            f"touch in at most {100 * margins['failure_probability']:.0f} of 100 robots; "
+            "Tolerated errors of all hinges (proved)",
+            f"up to {degrees_down(all_hinges['value'])} in all hinges; with such random errors, "
+            f"modules touch in at most {100 * margins['failure_probability']:.0f} of 100 robots; "
             f"{_limit(all_hinges)}",
         ),
     ]

@@ -104,15 +104,18 @@ def test_margins_are_rounded_down_and_name_their_limit() -> None:
     }
     limit = "beyond that, modules 1 and 159 may touch near frame 43 of the plan"
     shown_rows = dict(rows(SIMULATED | {"margins": margins}))
-    assert shown_rows["Largest module size"] == (
-        f"modules may grow to 99.5 % of the spacing; {limit}"
+    assert shown_rows["Tolerated module size (proved)"] == (
+        f"modules may fill up to 99.5 % of the spacing; {limit}"
     )
     assert (
-        shown_rows["Allowed error of one hinge"] == f"0.17° if all other hinges are exact; {limit}"
+        shown_rows["Tolerated error of one hinge (proved)"]
+        == f"up to 0.17° if all other hinges are exact; {limit}"
     )
-    assert str(shown_rows["Hinge accuracy needed"]).startswith("0.0022° in all hinges; ")
-    assert "5 of 100 robots" in str(shown_rows["Hinge accuracy needed"])
-    assert "Allowed error of one hinge" not in dict(rows(SIMULATED))
+    assert str(shown_rows["Tolerated errors of all hinges (proved)"]).startswith(
+        "up to 0.0022° in all hinges; "
+    )
+    assert "5 of 100 robots" in str(shown_rows["Tolerated errors of all hinges (proved)"])
+    assert "Tolerated error of one hinge (proved)" not in dict(rows(SIMULATED))
 
 
 def test_kinematic_certificate_has_no_figures_of_a_simulation() -> None:
