@@ -78,6 +78,8 @@ def test_fold_is_inspected(visit: Visit, service: Service, wrench: str, view: bo
     high = int(np.argmax(largest))
     seek(page, high)
     assert redness(picture(page)) > 0.0
+    pace = re.compile(r" Now \d+(\.\d)? times the robot’s speed\.$")
+    expect(page.locator("#speed")).to_have_attribute("title", pace)
     error = page.locator("#r-error")
     expect(error).to_have_text(re.compile(r"^Joint error [\d.]+ µrad$"))
     shown_error = float(error.inner_text().split()[2])

@@ -126,12 +126,13 @@ test("the judgement of a motor is a sentence", () => {
   );
 });
 
-test("the card of a fold that waits or runs names its state", () => {
+test("the card of a fold names its state", () => {
   const texts = [
     { status: "queued", stage: null, summary: {}, progress: {} },
     { status: "running", stage: "explode", summary: {}, progress: { fraction: 0.429 } },
+    { status: "verified", stage: "export", summary: {}, progress: {} },
   ].map((fold) => verdictOf(fold).text);
-  assert.deepEqual(texts, ["In the queue", "Unfolding 42 %"]);
+  assert.deepEqual(texts, ["In the queue", "Unfolding 42 %", "Verified"]);
 });
 
 test("the card of a fold says how much it is like its file", () => {
