@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from importlib.metadata import version
 from itertools import product
+from math import prod
 from pathlib import Path
 from typing import Final
 
@@ -31,6 +33,9 @@ COLUMN_OF: Final = {
 """Columns of fields of the request whose names are those of other columns, or lack a unit."""
 PLANNER_SUFFIXES: Final = (".py", ".cpp", ".hpp", ".json")
 """Suffixes of the files of the planner that its digest covers."""
+MAX_FOLDS: Final = 1_000_000
+"""Maximum number of folds of a sweep, whose command has the rows of all in memory: about 4 kB of
+each, with Dask and the tables."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +55,7 @@ class FoldSeries:
     shape: ShapeSource
     columns: Row
     request: FoldRequest
-    seeds: tuple[int, ...]
+    seeds: Sequence[int]
     limits: Limits
     identity: str
     expected_s: float
@@ -93,7 +98,8 @@ def series_of(spec: SweepSpec) -> list[FoldSeries]:
     """Return the folds of all groups, methods and values of the grid, the cheapest first.
 
     Raises:
-        InputError: If a request is invalid, or a pattern matches no shape.
+        InputError: If a request is invalid, a pattern matches no shape, or there are no folds or
+            too many.
     """
     parts = (*spec.shapes.values(), *spec.methods.values())
     stated = {name for part in parts for name in part.request} | spec.grid.keys()
@@ -103,6 +109,7 @@ def series_of(spec: SweepSpec) -> list[FoldSeries]:
         for group, part in spec.shapes.items()
         for shape in find_shapes(part.files, Path(spec.base))
     ]
+    _check_number(len(shapes) * len(spec.methods) * prod(map(len, spec.grid.values())))
     cost = cache(expected_cost)
     series: dict[str, FoldSeries] = {}  # by identity: a grid may have a value twice
     for (group, shape, digest, modules), (name, method), values in product(
@@ -138,7 +145,22 @@ def series_of(spec: SweepSpec) -> list[FoldSeries]:
             identity=identity,
             expected_s=cost(expected_modules, request).expected_s,
         )
+    _check_number(sum(len(folds.seeds) for folds in series.values()))
     return sorted(series.values(), key=lambda folds: folds.expected_s)
+
+
+def _check_number(folds: int) -> None:
+    """Refuse a specification of no folds, or of too many."""
+    if folds == 0:
+        raise InputError(
+            "no-folds", "got a spec of 0 folds, expected some; correct its grid, or 'only'."
+        )
+    if folds > MAX_FOLDS:
+        raise InputError(
+            "too-many-folds",
+            f"got a spec of {folds} folds, expected at most {MAX_FOLDS}; split it into several "
+            "sweeps.",
+        )
 
 
 def _request(filename: str, method: str, values: Values) -> FoldRequest:
@@ -147,7 +169,7 @@ def _request(filename: str, method: str, values: Values) -> FoldRequest:
         request = FoldRequest.of(filename=filename, **values)
         request = FoldRequest.from_json(request.to_json())  # checks types
         request.check()
-    except (InputError, ValueError) as error:
+    except (InputError, ValueError, RecursionError) as error:
         raise InputError(
             "bad-spec", f"got a request that no fold can have: {error}", where=f"methods.{method}"
         ) from error

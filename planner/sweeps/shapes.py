@@ -19,9 +19,8 @@ from foldback.planner.parameters.option import OPTIONS_KEY_CHARS
 from foldback.planner.readers import read
 from foldback.planner.readers.gallery import Gallery
 from foldback.planner.storage.files import MAX_FILE_BYTES
+from foldback.planner.sweeps.spec import Pattern
 
-Pattern = str | tuple[str, bytes]
-"""Pattern of shapes' names, or the name and bytes of a shape in memory."""
 GALLERY: Final = "gallery:"
 """Prefix of the names of examples in a sweep's list of shapes."""
 CHAIN_SUFFIXES: Final = (".json", ".csv", ".txt", ".xyz")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
@@ -31,6 +31,10 @@ MEMORY_UNITS: Final = {"": 1, "k": 1000, "M": 1000**2, "G": 1000**3, "T": 1000**
     f"{prefix}i": 1024**power for power, prefix in enumerate("KMGT", 1)
 }
 """Bytes of the units of memory, by their prefixes."""
+MAX_BUDGET: Final = 1e15
+"""Maximum of a limit in s or bytes; the kernel takes no times of more than 63 bits."""
+Pattern = str | tuple[str, bytes]
+"""Pattern of shapes' names, or the name and bytes of a shape in memory."""
 
 
 class Table(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -64,7 +68,7 @@ class Part(Table, frozen=True):
     seeds: Seeds | None = None
     only: list[str] | None = None
     budget: Budget = Budget()
-    files: list[Any] = []
+    files: list[Pattern] = []
     request: Values = {}
 
     def folds(self, shape: str) -> bool:
@@ -144,6 +148,9 @@ class SweepSpec(Table, frozen=True):
         }
         plain = {"base": str(base), **values, "seeds": _seeds_text(values.get("seeds", 0))}
         for name, tables in parts.items():
+            if not isinstance(tables, Mapping):
+                kind = type(tables).__name__
+                raise InputError("bad-spec", f"got {name} of type {kind}, expected a table.")
             plain[name] = {
                 key: _part(f"{name}.{key}".strip("."), table) for key, table in tables.items()
             }
@@ -170,9 +177,10 @@ class SweepSpec(Table, frozen=True):
         """
         try:
             values = tomllib.loads(path.read_text(encoding="utf-8"))
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+            reason = "nested more deeply" if isinstance(error, RecursionError) else str(error)
             raise InputError(
-                "bad-spec", f"got no TOML ({error}), expected a spec of a sweep.", where=str(path)
+                "bad-spec", f"got no TOML ({reason}), expected a spec of a sweep.", where=str(path)
             ) from error
         return cls.of(values, path.parent.resolve())
 
@@ -201,12 +209,16 @@ class SweepSpec(Table, frozen=True):
         stated = {name: value for budget in budgets for name, value in to_plain(budget).items()}
         if "memory" in stated:
             stated["memory_bytes"] = bytes_of(stated.pop("memory"))
-        if not all(0 < value < float("inf") for value in stated.values()):
-            raise InputError("bad-spec", f"got the budget {stated}, expected more than 0 of each.")
+        if not all(0 < value <= MAX_BUDGET for value in stated.values()):
+            raise InputError(
+                "bad-spec",
+                f"got the budget {stated}, expected more than 0 and at most {MAX_BUDGET:g} of "
+                "each.",
+            )
         return replace(Limits(), **stated)
 
 
-def seeds_of(value: Seeds, shape: str) -> tuple[int, ...]:
+def seeds_of(value: Seeds, shape: str) -> Sequence[int]:
     """Return seeds: a number, a list, ``0-4``, or ``name`` for the number at the end of a name.
 
     Raises:
@@ -217,9 +229,12 @@ def seeds_of(value: Seeds, shape: str) -> tuple[int, ...]:
         number = re.search(r"\d+$", shape)
         text = number[0] if number else f"{SEED_OF_NAME} of {shape}, without a number"
     match = re.fullmatch(r"(\d{1,10})(?:-(\d{1,10}))?", str(text))
-    seeds = range(int(match[1]), int(match[2] or match[1]) + 1) if match else value
-    if isinstance(seeds, list | range) and seeds and 0 <= min(seeds) <= max(seeds) <= MAX_SEED:
-        return tuple(dict.fromkeys(seeds))
+    if match:
+        first, last = int(match[1]), int(match[2] or match[1])
+        if first <= last <= MAX_SEED:
+            return range(first, last + 1)
+    elif isinstance(value, list) and value and 0 <= min(value) <= max(value) <= MAX_SEED:
+        return tuple(dict.fromkeys(value))
     raise InputError(
         "bad-seeds",
         f"got the seeds {text!r}, expected a number, a text such as '0-4', a list such as [1, 5], "

@@ -21,12 +21,10 @@ from foldback.planner.sweeps.executors import Place, executor_on
 from foldback.planner.sweeps.map import MAP_PERIOD_S, PLANS_DIR, write_map
 from foldback.planner.sweeps.rows import PARQUET, Rows, is_outdated, with_shared_texts, write_tables
 from foldback.planner.sweeps.run import CASES_PER_WORKER, run_cases
-from foldback.planner.sweeps.spec import SweepSpec
+from foldback.planner.sweeps.spec import Pattern, SweepSpec
 
 if TYPE_CHECKING:
     import pyarrow as pa
-
-    from foldback.planner.sweeps.shapes import Pattern
 
 SPEC_FILE: Final = "sweep.toml"
 """Name of the file, in the directory of a sweep, with its specification."""
