@@ -17,6 +17,7 @@ from urllib.parse import urlsplit
 
 from foldback.planner.cpu_cores import cores
 from foldback.planner.errors import InputError
+from foldback.planner.storage.files import json_of
 from foldback.planner.sweeps.run import CASES_PER_WORKER
 
 if TYPE_CHECKING:
@@ -118,6 +119,8 @@ def _finish(future: Future[Any], task: DaskFuture[Any]) -> None:
                 future.set_result(task.result())
         except (CancelledError, OSError):  # the scheduler has ended, before or while it answered
             future.cancel()
+        except Exception as error:  # the answer cannot be read here
+            future.set_exception(error)
     # Both futures refer to each other, and the collector of garbage frees them late.
     task.release()
 
@@ -162,42 +165,42 @@ def _target(on: str) -> dict[str, Any]:
 def _check_scheduler(on: str) -> None:
     from distributed import Client
 
-    if "://" not in on and not Path(on).is_file():
-        raise InputError(
-            "no-scheduler",
-            f"got {on!r}, expected an address such as tcp://head:8786, the scheduler file of "
-            "'dask scheduler --scheduler-file', or slurm.",
-        )
-    if is_public(on):
+    address = on if "://" in on else str(json_of(Path(on)).get("address"))
+    if is_public(address):
         log.warning("%s is public and has no TLS: others may run programs there. Use tls://.", on)
     try:
+        if "://" not in address:
+            raise ValueError("neither an address nor a file with one")
         Client(**_target(on), timeout=CONNECT_TIMEOUT).close()
-    except (OSError, TypeError) as error:  # TypeError: no certificates for tls://
+    except (OSError, TypeError, ValueError) as error:  # TypeError: no certificates for tls://
         raise InputError(
             "no-scheduler",
-            f"got no answer from the Dask scheduler, expected one within {CONNECT_TIMEOUT}; start "
-            f"it with 'dask scheduler', and workers with 'dask worker' ({error}).",
-            where=on,
+            f"got {on!r}, where no Dask scheduler answered within {CONNECT_TIMEOUT} ({error}), "
+            "expected an address such as tcp://head:8786, the scheduler file of 'dask scheduler "
+            "--scheduler-file', or slurm; start workers with 'dask worker'.",
         ) from error
 
 
-def is_public(on: str) -> bool:
+def is_public(address: str) -> bool:
     """Return True for a public address without TLS, through which strangers may run programs."""
-    host = urlsplit(on).hostname
-    with suppress(OSError):
-        return on.startswith("tcp://") and ip_address(socket.gethostbyname(host or "")).is_global
+    if address.startswith(("tls://", "wss://")):
+        return False
+    with suppress(OSError, ValueError):  # the connection fails, and says why
+        infos = socket.getaddrinfo(urlsplit(address).hostname, None)
+        return any(ip_address(info[4][0]).is_global for info in infos)
     return False
 
 
 def _cluster(place: Place) -> SpecCluster:
     if place.on == SLURM:
         return _slurm_cluster(place)
-    from distributed import LocalCluster
+    from distributed import LocalCluster, Security
 
     return LocalCluster(
         n_workers=place.workers or cores(),
         threads_per_worker=1,
         memory_limit=0,  # cases have limits of their own
+        security=Security.temporary(),  # else all users of this machine may run programs here
         dashboard_address="127.0.0.1:0",  # its own port, for several sweeps at once
         silence_logs=logging.CRITICAL,  # workers that end with the scheduler report errors
     )

@@ -187,7 +187,8 @@ def _with_axes(spec: SweepSpec, text: str) -> SweepSpec:
 
 
 def _check_packages() -> None:
-    if not all(find_spec(name) for name in ("distributed", "pyarrow", "psutil", "tomli_w")):
+    packages = ("distributed", "pyarrow", "psutil", "tomli_w", "cryptography")
+    if not all(map(find_spec, packages)):
         raise InputError("no-sweep", "foldback sweep needs Dask: pip install 'foldback[sweep]'")
 
 

@@ -7,7 +7,9 @@ import sys
 import tempfile
 import time
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import psutil
@@ -72,6 +74,17 @@ def return_an_array(cancelled: Cancelled) -> Row:
 
 def write_temporary(cancelled: Cancelled) -> Outcome:
     return Outcome(row={}, files={"place": tempfile.mkstemp()[1].encode()})
+
+
+class OtherAnswer:
+    """Answer of a worker with another version of a package, which cannot be unpickled here."""
+
+    def __reduce__(self) -> Any:
+        return (import_module, ("package_of_another_version",))
+
+
+def answer_of_another_version(**options: object) -> OtherAnswer:
+    return OtherAnswer()
 
 
 def load_a_module(cancelled: Cancelled) -> Row:
