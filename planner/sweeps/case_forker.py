@@ -52,7 +52,8 @@ def main() -> None:
             return
         with tempfile.TemporaryDirectory(prefix="foldback-case-") as scratch:
             exit_status, used, answer = _compute_in_child(pickled, scratch, cases)
-        outcome, modules = pickle.loads(answer) if exit_status == 0 else (b"", ())
+        is_whole = answer and exit_status == 0  # a library may call os._exit(0)
+        outcome, modules = pickle.loads(answer) if is_whole else (b"", ())
         memory_bytes = used.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
         with suppress(ConnectionError):
             cases.send((exit_status, used.ru_utime + used.ru_stime, memory_bytes, outcome))

@@ -57,9 +57,10 @@ def run_limited(case: Case, is_unwanted: Callable[[], bool] = never) -> Outcome:
 
 def _compute(case: Case, is_unwanted: Callable[[], bool]) -> Outcome:
     error = ""
-    for _ in range(2):  # again if the forker was killed, for example by the kernel
+    # Again if the forker was killed, for example by the kernel, which may have killed others, too.
+    for take_forker in (_idle_forker, _Forker):
         try:
-            forker = _idle.pop() if _idle else _Forker()
+            forker = take_forker()
             outcome = forker.compute(case, is_unwanted)
             _idle.append(forker)
             return outcome
@@ -98,12 +99,12 @@ class _Forker:
             self._cases.send_bytes(pickle.dumps(case))
             pid = int(self._cases.recv())
             breach = self._wait(pid, case, is_unwanted)
-            exit_status, cpu_s, memory_bytes, answer = self._cases.recv()
+            exit_status, cpu_s, memory_bytes, pickled = self._cases.recv()
         except BaseException:
             self.close()
             raise
-        if exit_status == 0:
-            outcome: Outcome = pickle.loads(answer)
+        if pickled:
+            outcome: Outcome = pickle.loads(pickled)
         else:
             outcome = Outcome(row={"verdict": breach or _verdict_of(exit_status)})
         used: Row = {"cpu_s": round(cpu_s, 3), "memory_mb": round(memory_bytes / 2**20, 1)}
@@ -130,6 +131,13 @@ _idle: list[_Forker] = []
 """Case forkers of this process that compute nothing now. They end with it."""
 
 os.register_at_fork(after_in_child=_idle.clear)
+
+
+def _idle_forker() -> _Forker:
+    """Return a forker that has computed before, or a new one if none is idle."""
+    with suppress(IndexError):
+        return _idle.pop()
+    return _Forker()
 
 
 def _resident_bytes(pid: int) -> int:

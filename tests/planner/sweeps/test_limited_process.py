@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import psutil
@@ -28,6 +29,7 @@ def test_whatever_happens_in_a_case_is_a_row() -> None:
         (lambda cancelled: {}, {}, "error"),  # cannot be sent to another process
         (tasks.crash, {}, "crashed (SIGSEGV)"),
         (tasks.end_process, {}, "crashed (exit status 7)"),
+        (tasks.end_process_well, {}, "crashed (exit status 0)"),
         (tasks.hang, {"wall_s": 0.2}, "time limit"),
         (tasks.take_memory, {"memory_bytes": 2**28}, "memory limit"),
         (tasks.spin, {"cpu_s": 0.1}, "ended by itself"),
@@ -83,6 +85,16 @@ def test_case_whose_forker_was_killed_is_computed_again(tmp_path: Path) -> None:
     assert len(witness.read_text().splitlines()) == 2
     for pid in witness.read_text().split():
         wait_until(lambda pid=pid: not psutil.pid_exists(int(pid)))
+
+
+def test_cases_survive_forkers_that_were_killed_while_they_waited() -> None:
+    with ThreadPoolExecutor(3) as pool:  # three forkers wait for cases afterwards
+        cases = [Case(key=str(number), columns={}, task=tasks.empty) for number in range(3)]
+        list(pool.map(run_limited, cases))
+    for process in psutil.Process().children():
+        if "case_forker" in " ".join(process.cmdline()):
+            process.kill()
+    assert outcome_of(tasks.empty).row["verdict"] == "empty"
 
 
 def test_case_that_nobody_waits_for_ends() -> None:
