@@ -31,8 +31,8 @@ from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.progress import Cancelled
 from foldback.planner.sweeps.case import Case, Limits, Row
-from foldback.planner.sweeps.cases import planner_digest
 from foldback.planner.sweeps.executors import Place, executor_on
+from foldback.planner.sweeps.planner_digest import planner_digest
 from foldback.planner.sweeps.rows import Rows
 from foldback.planner.sweeps.run import run_cases
 from foldback.planner.verification.plan_failure import reason_of

@@ -11,8 +11,8 @@ from typing import Any, Final
 
 from bench.sections import Section
 from bench.shape_files import write_shapes
-from foldback.planner.sweeps.cases import planner_digest
 from foldback.planner.sweeps.executors import Place
+from foldback.planner.sweeps.planner_digest import planner_digest
 from foldback.planner.sweeps.rows import Rows
 from foldback.planner.sweeps.spec import SweepSpec
 from foldback.planner.sweeps.sweep import SweepState

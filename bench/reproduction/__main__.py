@@ -14,7 +14,7 @@ from typing import Final
 from bench.reproduction.experiments import experiments
 from bench.reproduction.reproduce import reproduce, tell
 from bench.reproduction.runs import stored_runs
-from foldback.planner.sweeps.cases import planner_digest
+from foldback.planner.sweeps.planner_digest import planner_digest
 
 ROOT: Final = Path(__file__).parents[2]
 PAPER: Final = ROOT / "web" / "paper"

@@ -24,7 +24,7 @@ from foldback.planner.plan.plan import Plan
 from foldback.planner.reasons import ReasonFigures
 from foldback.planner.storage.files import write_whole
 from foldback.planner.storage.plain_values import from_plain
-from foldback.planner.sweeps.cases import planner_digest
+from foldback.planner.sweeps.planner_digest import planner_digest
 from foldback.web.timeline.view import TimelineView
 
 STARTS_DIR: Final = Path(__file__).parents[2] / "out" / "reproduction"

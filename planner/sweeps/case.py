@@ -64,6 +64,7 @@ class Case:
         columns: Values that its row has whatever happens; those of the task replace them.
         task: Computes the row.
         limits: Limits of its process.
+        planner_digest: Digest of the planner that computes it; empty for any.
         keep: Directory for the files of the outcome, on the machine of the command; None to store
             none.
     """
@@ -72,4 +73,5 @@ class Case:
     columns: Row
     task: Task
     limits: Limits = Limits()
+    planner_digest: str = ""
     keep: Path | None = None

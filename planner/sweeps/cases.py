@@ -20,6 +20,7 @@ from foldback.planner.pipeline.expected_cost import expected_cost
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.sweeps.case import Case, Limits, Row, Value
 from foldback.planner.sweeps.fold_task import FoldTask
+from foldback.planner.sweeps.planner_digest import planner_digest
 from foldback.planner.sweeps.shapes import ShapeSource, find_shapes
 from foldback.planner.sweeps.spec import REQUEST_FIELDS, SweepSpec, Values, seeds_of
 
@@ -31,8 +32,6 @@ COLUMN_OF: Final = {
     "module_size": "module_size_pitch",
 }
 """Columns of fields of the request whose names are those of other columns, or lack a unit."""
-PLANNER_SUFFIXES: Final = (".py", ".cpp", ".hpp", ".json")
-"""Suffixes of the files of the planner that its digest covers."""
 MAX_FOLDS: Final = 1_000_000
 """Maximum number of folds of a sweep, whose command has the rows of all in memory: about 4 kB of
 each, with Dask and the tables."""
@@ -78,20 +77,9 @@ class FoldSeries:
             columns={**self.columns, "seed": seed},
             task=FoldTask(data=self.shape.data(), request=request, keep=keep),
             limits=self.limits,
+            planner_digest=planner_digest(),
             keep=None if keep == "none" else plans / key,
         )
-
-
-@cache
-def planner_digest() -> str:
-    """Return a digest of the planner's files and version, without those of sweeps."""
-    planner = Path(__file__).resolve().parents[1]
-    digest = hashlib.sha256(version("foldback").encode())
-    for path in sorted(planner.rglob("*")):
-        place = path.relative_to(planner)
-        if path.suffix in PLANNER_SUFFIXES and place.parts[0] != Path(__file__).parent.name:
-            digest.update(f"{place.as_posix()}\0".encode() + path.read_bytes())
-    return digest.hexdigest()[:OPTIONS_KEY_CHARS]
 
 
 def series_of(spec: SweepSpec) -> list[FoldSeries]:

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import BrokenExecutor
 from contextlib import suppress
 from datetime import UTC, datetime
 from functools import cache
@@ -18,6 +19,7 @@ from typing import Final
 
 from foldback.planner.progress import never
 from foldback.planner.sweeps.case import ERROR, MEMORY_LIMIT, TIME_LIMIT, Case, Outcome, Row
+from foldback.planner.sweeps.planner_digest import planner_digest
 
 POLL_S: Final = 0.05
 """Time, in s, between two readings of the memory of a case's process."""
@@ -41,7 +43,15 @@ def run_limited(case: Case, is_unwanted: Callable[[], bool] = never) -> Outcome:
         case: The case.
         is_unwanted: Asked periodically whether nobody waits for the row, so that the computation
             ends.
+
+    Raises:
+        BrokenExecutor: If the planner here is another one than that of the command.
     """
+    if case.planner_digest not in ("", planner_digest()):
+        raise BrokenExecutor(
+            f"got another version of foldback on {socket.gethostname()}, expected the same version "
+            "of foldback as that of the command; install it there, and start the workers again."
+        )
     started_at = datetime.now(UTC).isoformat(timespec="seconds")
     start_s = time.monotonic()
     outcome = _compute(case, is_unwanted)

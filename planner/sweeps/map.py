@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
@@ -86,14 +86,7 @@ class SweepMap:
             InputError: ``unknown-column``.
         """
         axes = spec.map_axes()
-        columns = column_names(rows)
-        for axis in axes if rows else ():
-            if axis not in columns:
-                near = get_close_matches(axis, columns, n=3, cutoff=0.4) or columns
-                raise InputError(
-                    "unknown-column",
-                    f"got the unknown column {axis!r} for the map, expected {' or '.join(near)}.",
-                )
+        check_axes(axes, rows)
         shares: dict[Place, Share] = {}
         for row in rows:
             if row.get("verdict") != NOT_COUNTED:
@@ -116,6 +109,22 @@ class SweepMap:
         return _templates().get_template("map.svg.jinja").render(map=self, has_links=False)
 
 
+def check_axes(axes: Iterable[str], rows: Collection[Row]) -> None:
+    """Refuse axes that are no columns of rows, unless there are no rows yet.
+
+    Raises:
+        InputError: ``unknown-column``.
+    """
+    columns = column_names(rows)
+    for axis in axes if rows else ():
+        if axis not in columns:
+            near = get_close_matches(axis, columns, n=3, cutoff=0.4) or columns
+            raise InputError(
+                "unknown-column",
+                f"got the unknown column {axis!r} for the map, expected {' or '.join(near)}.",
+            )
+
+
 def write_map(
     directory: Path, spec: SweepSpec, rows: Mapping[str, Row], left: int, *, is_running: bool
 ) -> None:
@@ -131,8 +140,8 @@ def write_map(
     Raises:
         InputError: ``unknown-column``, if an axis is none of the table.
     """
-    newest = [*rows.values()][-1]["planner_digest"] if rows else None
-    current = [row for row in rows.values() if row["planner_digest"] == newest]
+    newest = [*rows.values()][-1].get("planner_digest") if rows else None
+    current = [row for row in rows.values() if row.get("planner_digest") == newest]
     sweep_map = SweepMap.of(spec, current)
     current.sort(key=lambda row: bool(row.get("verified")))
     shown = current[:MAX_PAGE_ROWS]

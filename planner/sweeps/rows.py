@@ -175,10 +175,3 @@ def write_tables(directory: Path, rows: Mapping[str, Row], spec: dict[str, Any])
         pa_parquet.write_table(table, path)
     with written_aside(directory / CSV) as path:
         pa_csv.write_csv(table, path)
-
-
-def is_outdated(directory: Path) -> bool:
-    """Return True if rows were written after the tables."""
-    newest = max((path.stat().st_mtime_ns for path in Rows(directory).files()), default=0)
-    tables = [directory / name for name in (PARQUET, CSV)]
-    return not all(path.exists() and path.stat().st_mtime_ns >= newest for path in tables)

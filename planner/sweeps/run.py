@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Mapping
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from pathlib import Path
 from queue import SimpleQueue
+from shutil import rmtree
 from typing import Final
 
-from foldback.planner.storage.files import write_whole
 from foldback.planner.sweeps.case import LOST, Case, Outcome, Row
 from foldback.planner.sweeps.limited_process import run_limited
 
@@ -22,7 +23,7 @@ def run_cases(
     executor: Executor,
     *,
     at_once: int | Callable[[], int],
-    next_case: Callable[[Case, Row], Case | None] = lambda _case, _row: None,
+    next_case: Callable[[Case], Case | None] = lambda _case: None,
 ) -> Generator[Row]:
     """Compute cases on an executor; yield their rows in the order in which they end.
 
@@ -35,10 +36,10 @@ def run_cases(
         executor: Computes the cases. One that it cancels by itself is handed out again.
         at_once: Number of cases that are handed out at a time, ``CASES_PER_WORKER`` for each
             worker; or a function that returns it, as workers come and go.
-        next_case: Returns the case that is added after a case and its row; None for none.
+        next_case: Returns the case that is added after the row of a case; None for none.
 
     Raises:
-        BrokenExecutor: If the executor has ended.
+        BrokenExecutor: If the executor has ended, or its workers have another planner.
     """
     left = iter(cases)
     following: deque[Case] = deque()
@@ -67,7 +68,7 @@ def run_cases(
                 hand_out(case)
                 continue
             add(row)
-            if (addition := next_case(case, row)) is not None:
+            if (addition := next_case(case)) is not None:
                 following.append(addition)
             yield row
     finally:
@@ -87,8 +88,19 @@ def _row_of(case: Case, future: Future[Outcome]) -> Row | None:
         row: Row = {"verdict": LOST, "error": f"{type(error).__name__}: {error}"}
         return {"key": case.key, **case.columns, **row}
     if case.keep is not None:
-        for name, data in outcome.files.items():
-            path = case.keep / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(path, data)
+        _replace_files(case.keep, outcome.files)
     return outcome.row
+
+
+def _replace_files(directory: Path, files: Mapping[str, bytes]) -> None:
+    """Replace a directory, which has all files or is not there, by one of these files."""
+    growing = directory.with_name(f".{directory.name}")
+    for old in (growing, directory):
+        if old.exists():
+            rmtree(old)
+    for name, data in files.items():
+        path = growing / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+    if files:
+        growing.rename(directory)

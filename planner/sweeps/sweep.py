@@ -15,11 +15,20 @@ from foldback.planner.cpu_cores import cores
 from foldback.planner.errors import InputError
 from foldback.planner.storage.files import write_whole
 from foldback.planner.storage.plain_values import to_plain
-from foldback.planner.sweeps.case import Case, Row
+from foldback.planner.sweeps.case import LOST, Case, Row
 from foldback.planner.sweeps.cases import FoldSeries, series_of
 from foldback.planner.sweeps.executors import Place, executor_on
-from foldback.planner.sweeps.map import MAP_PERIOD_S, PLANS_DIR, write_map
-from foldback.planner.sweeps.rows import PARQUET, Rows, is_outdated, with_shared_texts, write_tables
+from foldback.planner.sweeps.map import (
+    MAP_PERIOD_S,
+    PAGE,
+    PAGE_OF_PLAN,
+    PICTURE,
+    PLANS_DIR,
+    check_axes,
+    write_map,
+)
+from foldback.planner.sweeps.planner_digest import planner_digest
+from foldback.planner.sweeps.rows import CSV, PARQUET, Rows, with_shared_texts, write_tables
 from foldback.planner.sweeps.run import CASES_PER_WORKER, run_cases
 from foldback.planner.sweeps.spec import Pattern, SweepSpec
 
@@ -38,7 +47,8 @@ class SweepState:
         spec: Its specification.
         directory: The directory, which may be missing.
         series: All folds, the cheapest first.
-        rows: Newest rows by key, in the order in which they were written.
+        rows: Newest rows by key, in the order in which they were written: those of its folds, and
+            of other versions of the planner.
         settled: Rows whose folds are not computed again.
         write: Stores a row.
         handed_out: Folds of which another seed may be needed, by the keys of those being computed.
@@ -68,16 +78,23 @@ class SweepState:
             again: Verdicts, or their beginnings, of rows that are computed again.
             write: Stores a row.
         """
-        rows, repeated = Rows(directory).read(), tuple(again)
+        series = series_of(spec)
+        keys = {folds.key(seed) for folds in series for seed in folds.seeds}
+        rows = {
+            key: row
+            for key, row in Rows(directory).read().items()
+            if key in keys or row.get("planner_digest") != planner_digest()
+        }
+        repeated = (again,) if isinstance(again, str) else tuple(again)
         settled = {
             key: row
             for key, row in rows.items()
-            if not (repeated and str(row["verdict"]).startswith(repeated))
+            if not (repeated and str(row.get("verdict")).startswith(repeated))
         }
         return cls(
             spec=spec,
             directory=directory,
-            series=series_of(spec),
+            series=series,
             rows=rows,
             settled=settled,
             write=write,
@@ -103,7 +120,10 @@ class SweepState:
         with Rows(directory).writing() as write:
             check_spec(spec, directory)
             state = cls.of(spec, directory, again, write)
-            write_whole(directory / SPEC_FILE, tomli_w.dumps(spec.as_dict()).encode())
+            check_axes(spec.map_axes(), state.rows.values())
+            path, text = directory / SPEC_FILE, tomli_w.dumps(spec.as_dict()).encode()
+            if not path.exists() or path.read_bytes() != text:
+                write_whole(path, text)
             try:
                 yield state
             finally:
@@ -114,6 +134,7 @@ class SweepState:
         self.write(row)
         key = str(row["key"])
         self.rows.pop(key, None)
+        (self.directory / PAGE_OF_PLAN.format(key)).unlink(missing_ok=True)  # of an earlier plan
         self.rows[key] = self.settled[key] = with_shared_texts(row)
 
     def left(self, series: FoldSeries) -> Iterator[int]:
@@ -140,9 +161,15 @@ class SweepState:
                 if seed is not None:
                     yield self._case(series, seed)
 
-    def after(self, case: Case, row: Row) -> Case | None:
+    def lost(self) -> int:
+        """Return the number of folds that executors have given up."""
+        return sum(
+            row.get("verdict") == LOST and row.get("planner_digest") == planner_digest()
+            for row in self.rows.values()
+        )
+
+    def after(self, case: Case) -> Case | None:
         """Return the case with the next seed if seeds are tried until one is verified."""
-        del row
         series = self.handed_out.pop(case.key)
         seed = next(self.left(series), None) if self.spec.until else None
         return None if seed is None else self._case(series, seed)
@@ -175,9 +202,13 @@ class SweepState:
                     drawn_s = time.monotonic()
                 yield row
 
-    def write_results(self, *, redraw: bool = False) -> None:
-        """Write the tables and the map if there are newer rows, or ``redraw`` is set."""
-        if redraw or is_outdated(self.directory):
+    def write_results(self) -> None:
+        """Write the tables and the map if rows, players or the specification are newer."""
+        results = [self.directory / name for name in (PARQUET, CSV, PAGE, PICTURE)]
+        players = (self.directory / PAGE_OF_PLAN).parent
+        sources = [self.directory / SPEC_FILE, players, *Rows(self.directory).files()]
+        newest = max(path.stat().st_mtime_ns for path in sources if path.exists())
+        if not all(path.exists() and path.stat().st_mtime_ns >= newest for path in results):
             write_tables(self.directory, self.rows, self.spec.as_dict())
             self._draw(is_running=False)
 

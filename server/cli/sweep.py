@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from collections import Counter
+from concurrent.futures import BrokenExecutor
 from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any, Final
 
+import msgspec
 import typer
 from msgspec import structs
 from rich.console import Console
@@ -20,9 +21,9 @@ from rich.text import Text
 
 from foldback.cli.exit_statuses import NOT_ACHIEVED
 from foldback.cli.inputs import refuse
+from foldback.planner.chain.display_names import escaped
 from foldback.planner.errors import InputError
 from foldback.planner.parameters.parameters import PRESET_CHOICES, STRATEGY_CHOICES
-from foldback.planner.sweeps.case import LOST
 from foldback.planner.sweeps.executors import Place
 from foldback.planner.sweeps.map import PAGE, PAGE_OF_PLAN, PLANS_DIR, PLAYERS_DIR
 from foldback.planner.sweeps.spec import SweepSpec
@@ -92,25 +93,26 @@ def sweep(
         elif status:
             _show_status(sweep_spec, out)
         elif axes and is_directory:
-            SweepState.of(sweep_spec, out).write_results(redraw=True)
+            with SweepState.opened(sweep_spec, out):
+                pass
         else:
             sbatch = _pairs(slurm or [], "--slurm")
             place = Place(on=on, workers=workers, walltime=walltime, slurm=sbatch)
             verdicts = tuple(filter(None, again.split(",")))
-            lost = _run(sweep_spec, out, place, verdicts, bool(axes), as_json)
+            lost = _run(sweep_spec, out, place, verdicts, as_json)
     except InputError as error:
         refuse(error, as_json)
+    except BrokenExecutor as error:
+        refuse(InputError("another-planner", str(error)), as_json)
     except KeyboardInterrupt:
         print("The rows are stored; the same line again continues.", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
     raise typer.Exit(NOT_ACHIEVED if lost else 0)
 
 
-def _run(
-    spec: SweepSpec, out: Path, place: Place, again: tuple[str, ...], redraw: bool, as_json: bool
-) -> int:
+def _run(spec: SweepSpec, out: Path, place: Place, again: tuple[str, ...], as_json: bool) -> int:
     """Compute what is missing, and write the results; return the number of lost folds."""
-    lost = verified = 0
+    verified = 0
     start_s = time.monotonic()
     columns = (
         *(TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()),
@@ -126,18 +128,16 @@ def _run(
         ) as progress:
             bar = progress.add_task("starting", total=left, rate="")
             for number, row in enumerate(state.compute(place), 1):
-                lost += row["verdict"] == LOST
                 verified += bool(row.get("verified"))
                 text = f"{verified} verified, {number - verified} not"
                 rate = f"{60 * number / (time.monotonic() - start_s):.0f} folds/min"
                 progress.update(bar, advance=1, description=text, rate=rate)
                 if as_json:
-                    print(json.dumps(row), flush=True)
-        if _write_players(out) or redraw:
-            state.write_results(redraw=True)
+                    print(msgspec.json.encode(row).decode(), flush=True)
+        _write_players(out)
     if not as_json:
         Console(soft_wrap=True, highlight=False).print(f"{out / PAGE}", markup=False)
-    return lost
+    return state.lost()
 
 
 def _spec(spec: Path | None, values: dict[str, Any]) -> SweepSpec:
@@ -203,35 +203,34 @@ def _show_plan(spec: SweepSpec, out: Path) -> None:
     )
     for case in islice(state.missing(), LISTED_CASES):
         text = " ".join(f"{name}={case.columns[name]}" for name in LISTED_COLUMNS)
-        console.print(text, markup=False)
+        console.print(escaped(text), markup=False)
 
 
 def _show_status(spec: SweepSpec, out: Path) -> None:
     """Print the number of rows by verdict, and how many folds are left."""
     state = SweepState.of(spec, out)
     counts = Counter(
-        f"failed: {row['reason']}" if row.get("reason") else str(row["verdict"])
+        f"failed: {row['reason']}" if row.get("reason") else str(row.get("verdict"))
         for row in state.rows.values()
     )
     grid = Table("folds", "verdict", box=None)
     for verdict, count in counts.most_common():
-        grid.add_row(str(count), Text(verdict))
+        grid.add_row(str(count), Text(escaped(verdict)))
     grid.add_row(str(state.folds_left()), "left")
     Console().print(grid)
 
 
-def _write_players(out: Path) -> bool:
-    """Write pages for plans that have none; return True if there are new ones."""
+def _write_players(out: Path) -> None:
+    """Write pages for plans that have none."""
     plans = [
         plan
-        for plan in sorted(out.glob(f"{PLANS_DIR}/*"))
+        for plan in sorted(out.glob(f"{PLANS_DIR}/[!.]*"))
         if not (out / PAGE_OF_PLAN.format(plan.name)).exists()
     ]
     if not plans:
-        return False
+        return
     try:
         from foldback.server.cli.site import write_players
     except ModuleNotFoundError:  # without the service, foldback play shows them
-        return False
+        return
     write_players(out / PLAYERS_DIR, plans)
-    return True

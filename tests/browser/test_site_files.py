@@ -50,11 +50,11 @@ def _write_sweep(directory: Path, fold: Path) -> None:
     key = "0" * 24
     row: Row = {"key": key, "shape": "cube", "seed": 0, "verdict": "verified (simulated)"}
     plan = shutil.copytree(fold, directory / "plans" / key)
-    write_players(directory / "players", [plan])
     spec = SweepSpec.of({"shapes": "wrench-24"}, directory)
     method = {"method": "auto", "planner_digest": "a", "verified": True, "simulated": True}
     with SweepState.opened(spec, directory) as state:
         state.add(row | method)
+        write_players(directory / "players", [plan])
 
 
 class Links(HTMLParser):

@@ -1,6 +1,6 @@
 """Runs of cases on any executor: one row of each, whatever happens to the executor."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -32,8 +32,9 @@ def test_executors_give_a_row_of_each_case() -> None:
 class Immediate(Executor):
     """Executor that computes at once; ``trouble`` may give another result."""
 
-    def __init__(self, **trouble: BaseException) -> None:
+    def __init__(self, files: Mapping[str, bytes] | None = None, **trouble: BaseException) -> None:
         self.submitted: list[str] = []
+        self._files = {"a/plan": b"1"} if files is None else {**files}
         self._trouble = trouble
 
     def submit(self, fn: Any, case: Case, /) -> Future[Any]:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -41,7 +42,7 @@ class Immediate(Executor):
         future: Future[Any] = Future()
         trouble = self._trouble.pop(f"case_{case.key}", None)
         if trouble is None:
-            files = {"a/plan": b"1"} if case.keep else {}
+            files = self._files if case.keep else {}
             future.set_result(Outcome(row={"key": case.key, "verdict": "computed"}, files=files))
         elif isinstance(trouble, KeyboardInterrupt):
             future.cancel()
@@ -76,7 +77,7 @@ def test_case_that_the_executor_cancels_is_handed_out_again() -> None:
 
 
 def test_cases_follow_from_rows() -> None:
-    def next_case(case: Case, row: Row) -> Case | None:
+    def next_case(case: Case) -> Case | None:
         return Case(key=f"{case.key}b", columns={}, task=case.task) if case.key == "1" else None
 
     rows = list(run_cases(cases(3), [].append, Immediate(), at_once=1, next_case=next_case))
@@ -92,3 +93,17 @@ def test_files_are_stored_before_the_row(tmp_path: Path) -> None:
 
     list(run_cases([storing_case], add, Immediate(), at_once=1))
     assert stored == [b"1"]
+
+
+def test_files_of_an_earlier_outcome_go(tmp_path: Path) -> None:
+    for name, has_files in (("with", True), ("without", False)):
+        with case(name):
+            plan = tmp_path / name / "1"
+            plan.mkdir(parents=True)
+            (plan / "older").write_bytes(b"0")
+            repeated = Case(key="1", columns={}, task=tasks.empty, keep=plan)
+            files = {"plan": b"1"} if has_files else {}
+            executor = Immediate(files)
+            list(run_cases([repeated], [].append, executor, at_once=1))
+            names = sorted(path.name for path in plan.parent.rglob("*"))
+            assert names == (["1", "plan"] if has_files else [])

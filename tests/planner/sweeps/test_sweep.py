@@ -1,13 +1,18 @@
 """Sweeps: rows of all folds, once each; later runs compute only what is missing."""
 
 import json
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet as pq
+import pytest
 
 from foldback.planner.sweeps.rows import Rows
+from foldback.planner.sweeps.run import run_cases
+from foldback.planner.sweeps.spec import SweepSpec
+from foldback.planner.sweeps.sweep import SweepState
 from foldback.sweeps import Sweep
 from tests.refusal import refused
 
@@ -53,6 +58,44 @@ def test_directory_of_another_sweep_is_refused(tmp_path: Path) -> None:
         list(_sweep(seeds=1).rows(tmp_path, executor=pool))
         with refused("another-sweep", match="seeds is 1 there and 2 here"):
             list(_sweep(seeds=2).rows(tmp_path, executor=pool))
+
+
+def test_table_has_only_the_folds_of_the_present_spec(tmp_path: Path) -> None:
+    with ThreadPoolExecutor(1) as pool:
+        for wall_s in (50, 60):
+            (tmp_path / "sweep.toml").unlink(missing_ok=True)
+            sweep = Sweep([("none.json", b"[]")], budget={"wall_s": wall_s})
+            assert sweep.run(tmp_path, executor=pool).num_rows == 1
+    assert len(Rows(tmp_path).read()) == 2
+
+
+def test_sweep_of_another_planner_is_refused(tmp_path: Path) -> None:
+    """A worker of a cluster may have another version of foldback."""
+    spec = SweepSpec.of({"shapes": [("none.json", b"[]")]}, tmp_path)
+    with ThreadPoolExecutor(1) as pool, SweepState.opened(spec, tmp_path) as state:
+        (fold,) = state.missing()
+        other = replace(fold, planner_digest="other")
+        with pytest.raises(BrokenExecutor, match="the same version of foldback"):
+            list(run_cases([other], state.add, pool, at_once=1))
+    assert Rows(tmp_path).read() == {}
+
+
+def test_page_that_plays_an_earlier_plan_goes(tmp_path: Path) -> None:
+    spec = SweepSpec.of({"shapes": [("none.json", b"[]")]}, tmp_path)
+    with SweepState.opened(spec, tmp_path) as state:
+        (fold,) = state.missing()
+        page = tmp_path / "players" / "folds" / f"{fold.key}.html"
+        page.parent.mkdir(parents=True)
+        page.touch()
+        state.add({"key": fold.key, **fold.columns, "verdict": "failed"})
+    assert not page.exists()
+
+
+def test_one_verdict_may_be_repeated_by_its_name(tmp_path: Path) -> None:
+    with ThreadPoolExecutor(1) as pool:
+        sweep = Sweep([("none.json", b"[]")])
+        list(sweep.rows(tmp_path, executor=pool))
+        assert list(sweep.rows(tmp_path, executor=pool, again="error")) == []
 
 
 def test_later_seeds_wait_for_a_verified_plan(tmp_path: Path) -> None:

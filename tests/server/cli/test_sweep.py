@@ -47,11 +47,12 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def _with_row(place: Path) -> None:
+def _with_row(place: Path, **values: str) -> None:
     spec = SweepSpec.from_toml(place / "map" / "sweep.toml")
     (fold,) = SweepState.of(spec, place / "map").missing()
     with Rows(place / "map").writing() as add:
-        add({"key": fold.key, **fold.columns, "verdict": "failed: it stalled", "reason": "stalled"})
+        failed = {"verdict": "failed: it stalled", "reason": "stalled"}
+        add({"key": fold.key, **fold.columns, **failed, **values})
 
 
 def _drain(screen: int) -> None:
@@ -88,6 +89,22 @@ def test_map_of_a_directory_is_drawn_and_nothing_computed(place: Path) -> None:
     done = foldback("sweep", "map", "--map", "rows=method,columns=shape,by=group")
     assert done.returncode == 0, done.stderr
     assert "1 folds computed, 0 verified, 19 left." in (place / "map" / "index.html").read_text()
+
+
+def test_axes_of_a_map_stay(place: Path) -> None:
+    _with_row(place)
+    foldback("sweep", "map", "--map", "rows=method,columns=shape,by=group")
+    page = (place / "map" / "index.html").read_bytes()
+    assert foldback("sweep", "map").returncode == 0
+    assert (place / "map" / "index.html").read_bytes() == page
+    assert foldback("sweep", "map", "--map", "rows=shap").returncode == 2
+    assert foldback("sweep", "map").returncode == 0
+
+
+def test_lost_folds_stay_in_the_exit_status(place: Path) -> None:
+    _with_row(place, verdict="lost")
+    for _ in range(2):
+        assert foldback("sweep", "map").returncode == 3
 
 
 def test_sweep_that_is_done_imports_no_engine(place: Path) -> None:
