@@ -9,10 +9,10 @@ from __future__ import annotations
 import hashlib
 import logging
 import math
-import select
 import threading
 import time
 from collections.abc import Callable, Iterable
+from multiprocessing.connection import wait
 from typing import Any, Final
 
 import sqlalchemy as sa
@@ -123,7 +123,7 @@ class SessionLock:
             session.exec_driver_sql("SELECT 1")
             if is_taken:
                 self._answered_at = asked_at
-            select.select([connection], [], [], self._lease_s / 5 if is_taken else RETRY_S)
+            wait([connection], self._lease_s / 5 if is_taken else RETRY_S)
 
 
 def held_names(connection: sa.Connection, names: Iterable[str]) -> set[str]:

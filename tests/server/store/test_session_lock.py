@@ -1,22 +1,26 @@
 """Locks of sessions: they end with their process, their lease, or PostgreSQL, and come back."""
 
+import os
+import resource
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 
 import pytest
 import sqlalchemy as sa
 
 from foldback.server.settings import Settings
-from foldback.server.store.schema import engine_for
+from foldback.server.store.schema import JOBS_CHANNEL, engine_for
 from foldback.server.store.session_lock import SessionLock, held_names
 from tests.server.postgres import Postgres
 from tests.server.service_process import wait_until
 
 pytestmark = pytest.mark.processes
 LEASE_S = 1.0
+FD_SETSIZE = 1024
+"""Number of descriptors that ``select`` can wait for."""
 HOLDER = """
 import sys, time
 from foldback.server.store.session_lock import SessionLock
@@ -54,6 +58,17 @@ def holder(url: str) -> Iterator[subprocess.Popen[str]]:
             process.kill()
 
 
+@contextmanager
+def raised_file_limit() -> Iterator[None]:
+    """Permit this process to open as many files as it may."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
 def held(engine: sa.Engine) -> set[str]:
     """Return those of two names that are held."""
     with engine.connect() as connection:
@@ -73,6 +88,19 @@ def test_lock_of_an_ended_or_suspended_process_is_taken(
             process.send_signal(signal.SIGCONT)
             assert process.communicate("\n")[0] == "False\n"
     wait_until(lambda: not held(engine))
+
+
+def test_lock_of_a_process_with_many_open_files_is_held(url: str, engine: sa.Engine) -> None:
+    notices: list[None] = []
+    with ExitStack() as opened, raised_file_limit():
+        for _ in range(FD_SETSIZE):
+            opened.enter_context(open(os.devnull))
+        lock = SessionLock(url, "name", LEASE_S, on_notice=lambda: notices.append(None))
+        opened.enter_context(closing(lock))
+        wait_until(lambda: lock.held)
+        with engine.begin() as connection:
+            connection.execute(sa.select(sa.func.pg_notify(JOBS_CHANNEL, "")))
+        wait_until(lambda: len(notices) == 2)  # the first one is of the lock itself
 
 
 def test_lock_lost_by_a_restart_of_the_database_is_taken_again(
