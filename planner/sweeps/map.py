@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, cast
 
+from foldback.planner.chain.display_names import escaped
 from foldback.planner.errors import InputError
 from foldback.planner.storage.files import write_whole
 from foldback.planner.sweeps.case import Row, Value
@@ -207,7 +208,7 @@ def _order(value: Value) -> tuple[bool, float, str]:
 
 
 def _text(value: Value) -> str:
-    return "–" if value is None or value == "" else str(value)
+    return "–" if value is None or value == "" else escaped(str(value))
 
 
 def _longest(values: Iterable[Value]) -> int:

@@ -97,8 +97,15 @@ def _matches(pattern: Pattern, base: Path) -> Iterator[ShapeSource]:
         name, data = pattern
         yield ShapeSource(name=Path(name).stem, filename=Path(name).name, source=data)
         return
-    files = sorted(glob(pattern, root_dir=base, recursive=True))
-    files = [file for file in files if (base / file).is_file()]
+    files = [
+        file for file in glob(pattern, root_dir=base, recursive=True) if (base / file).is_file()
+    ]
+    # Links to directories may lead to a file in many ways; the shortest one counts.
+    places = {
+        (os.path.realpath(base / Path(file).parent), Path(file).name): file
+        for file in sorted(files, key=len, reverse=True)
+    }
+    files = sorted(places.values())
     for file in files:
         name = os.fsencode(os.path.splitext(file)[0]).decode(errors="replace")
         yield ShapeSource(name=name, filename=Path(file).name, source=base / file)

@@ -12,7 +12,7 @@ from foldback.planner.sweeps.map import SweepMap, write_map
 from foldback.planner.sweeps.spec import SweepSpec
 from tests.refusal import refused
 
-HOSTILE = """</script><script>alert(1)</script>"'&<img src=x onerror=alert(2)>"""
+HOSTILE = """\x1b[31m</script><script>alert(1)</script>"'&<img src=x onerror=alert(2)>"""
 
 
 def _spec(**axes: str) -> SweepSpec:

@@ -116,6 +116,14 @@ def test_bad_specs_are_refused_in_a_sentence(tmp_path: Path) -> None:
             series_of(SweepSpec.from_toml(tmp_path / "sweep.toml"))
 
 
+def test_file_is_one_shape_however_links_lead_to_it(tmp_path: Path) -> None:
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "bar.json").write_text("[[0,0,0],[1,0,0],[2,0,0]]")
+    (tmp_path / "parts" / "again").symlink_to(tmp_path)
+    cases = _cases(tmp_path, shapes=["**/*.json"])
+    assert [fold.columns["shape"] for fold in cases] == ["parts/bar"]
+
+
 def test_seeds_and_memory() -> None:
     assert list(seeds_of("0-2", "a")) == [0, 1, 2]
     assert list(seeds_of([1, 5, 1], "a")) == [1, 5]
