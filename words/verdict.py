@@ -60,7 +60,7 @@ def verdict_of(
         strategy = (summary.get("explosion") or {}).get("strategy")
         safety = certificate_words.safety(certificate, row.counted.replace(" ", NO_BREAK_SPACE))
         best = choice and superlative(choice["prefer"], len(choice["plans"]))
-        if smoothing := summary.get("smoothing"):
+        if not best and (smoothing := summary.get("smoothing")):
             best = smoothing_label(smoothing)
         baseline = certificate_words.baseline(strategy)
         if safety is not None:

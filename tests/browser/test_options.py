@@ -119,7 +119,7 @@ def test_upload_folds_on_a_table(visit: Visit, service: Service) -> None:
     expect(page.locator("#preset")).to_be_disabled()
     page.locator("[name=table_torque]").fill("0")
     page.locator("#fold").click()
-    expect(page.locator("#problem")).to_contain_text("table_torque = '0'")
+    expect(page.locator("#problem")).to_contain_text("(table_torque) = '0'")
     page.locator("[name=table_torque]").fill("9")
     expect(page.locator("[name=table_base]")).to_have_value("free")
     page.locator("[name=table_base]").select_option("clamped")
