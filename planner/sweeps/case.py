@@ -43,8 +43,8 @@ class Outcome:
 
     Attributes:
         row: Values of the case's row.
-        files: Contents of the files that are stored in the directory ``Case.keep``, by their paths
-            relative to it.
+        files: Contents of the files that are stored in ``Case.files_dir``, by their paths relative
+            to it.
     """
 
     row: Row
@@ -65,8 +65,8 @@ class Case:
         task: Computes the row.
         limits: Limits of its process.
         planner_digest: Digest of the planner that computes it; empty for any.
-        keep: Directory for the files of the outcome, on the machine of the command; None to store
-            none.
+        files_dir: Directory for the files of the outcome, on the machine of the command; None to
+            store none.
     """
 
     key: str
@@ -74,4 +74,4 @@ class Case:
     task: Task
     limits: Limits = Limits()
     planner_digest: str = ""
-    keep: Path | None = None
+    files_dir: Path | None = None

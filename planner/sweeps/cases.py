@@ -78,7 +78,7 @@ class FoldSeries:
             task=FoldTask(data=self.shape.data(), request=request, keep=keep),
             limits=self.limits,
             planner_digest=planner_digest(),
-            keep=None if keep == "none" else plans / key,
+            files_dir=None if keep == "none" else plans / key,
         )
 
 
@@ -104,7 +104,7 @@ def series_of(spec: SweepSpec) -> list[FoldSeries]:
         shapes, spec.methods.items(), product(*spec.grid.values())
     ):
         part = spec.shapes[group]
-        if not (part.folds(shape.name) and method.folds(shape.name)):
+        if not (part.includes(shape.name) and method.includes(shape.name)):
             continue
         fields = part.request | dict(zip(spec.grid, values, strict=True)) | method.request
         request = _request(shape.filename, name, fields)

@@ -41,7 +41,7 @@ HIDDEN_COLUMNS: Final = frozenset(
 )
 """Columns that the page leaves out."""
 
-Place = tuple[Value, Value, Value]
+CellValues = tuple[Value, Value, Value]
 """Values of a cell: those of its field, row and column."""
 
 
@@ -77,7 +77,7 @@ class SweepMap:
 
     axes: tuple[str, str, str]
     values: tuple[list[Value], list[Value], list[Value]]
-    shares: dict[Place, Share]
+    shares: dict[CellValues, Share]
 
     @classmethod
     def of(cls, spec: SweepSpec, rows: Sequence[Row]) -> SweepMap:
@@ -88,21 +88,21 @@ class SweepMap:
         """
         axes = spec.map_axes()
         check_axes(axes, rows)
-        shares: dict[Place, Share] = {}
+        shares: dict[CellValues, Share] = {}
         for row in rows:
             if row.get("verdict") != NOT_COUNTED:
-                shares.setdefault(_place_of(row, axes), Share(len(shares))).add(row)
+                shares.setdefault(_cell_values(row, axes), Share(len(shares))).add(row)
         stated: dict[str, list[Value]] = {"method": [*spec.methods], "group": [*spec.shapes]}
         limits = (MAX_COLUMNS, MAX_ROWS, MAX_COLUMNS)
         values = [
-            (stated.get(axis) or sorted({place[k] for place in shares}, key=_order))[: limits[k]]
+            (stated.get(axis) or sorted({values[k] for values in shares}, key=_order))[: limits[k]]
             for k, axis in enumerate(axes)
         ]
         return cls(axes, (values[0], values[1], values[2]), shares)
 
     def number_of(self, row: Row) -> int:
         """Return the number of the cell of a row; -1 if the map leaves it out."""
-        share = self.shares.get(_place_of(row, self.axes))
+        share = self.shares.get(_cell_values(row, self.axes))
         return -1 if share is None else share.number
 
     def picture(self) -> str:
@@ -127,7 +127,7 @@ def check_axes(axes: Iterable[str], rows: Collection[Row]) -> None:
 
 
 def write_map(
-    directory: Path, spec: SweepSpec, rows: Mapping[str, Row], left: int, *, is_running: bool
+    directory: Path, spec: SweepSpec, rows: Mapping[str, Row], remaining: int, *, is_running: bool
 ) -> None:
     """Write the map as a picture and as a page with the rows of the newest planner.
 
@@ -135,7 +135,7 @@ def write_map(
         directory: Directory of the sweep.
         spec: Its specification.
         rows: Newest rows by key, in the order in which they were written.
-        left: Number of folds that are still to be computed.
+        remaining: Number of folds that are still to be computed.
         is_running: True while they are computed.
 
     Raises:
@@ -157,7 +157,7 @@ def write_map(
     played = {path.stem for path in directory.glob(PAGE_OF_PLAN.format("*"))}
     data = {
         "columns": columns,
-        "cells": [_cell_name(place) for place in sweep_map.shares],
+        "cells": [_cell_name(values) for values in sweep_map.shares],
         "rows": [
             [row["key"], sweep_map.number_of(row), bool(row.get("verified"))]
             + [row.get(name) for name in columns]
@@ -170,7 +170,7 @@ def write_map(
         title=directory.resolve().name,
         folds=len(current),
         verified=sum(bool(row.get("verified")) for row in current),
-        left=left,
+        left=remaining,
         period_s=MAP_PERIOD_S if is_running else None,
         map=sweep_map,
         data=data,
@@ -179,7 +179,7 @@ def write_map(
     write_whole(directory / PICTURE, sweep_map.picture().encode())
 
 
-def _place_of(row: Row, axes: tuple[str, str, str]) -> Place:
+def _cell_values(row: Row, axes: tuple[str, str, str]) -> CellValues:
     """Return the values of the cell that a row belongs to."""
     return row.get(axes[0]), row.get(axes[1]), row.get(axes[2])
 
@@ -216,5 +216,5 @@ def _longest(values: Iterable[Value]) -> int:
     return max((len(_text(value)) for value in values), default=0)
 
 
-def _cell_name(place: Place) -> str:
-    return ", ".join(map(_text, place))
+def _cell_name(values: CellValues) -> str:
+    return ", ".join(map(_text, values))

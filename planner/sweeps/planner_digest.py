@@ -20,7 +20,7 @@ def planner_digest() -> str:
     planner = Path(__file__).resolve().parents[1]
     digest = hashlib.sha256(version("foldback").encode())
     for path in sorted(planner.rglob("*")):
-        place = path.relative_to(planner)
-        if path.suffix in PLANNER_SUFFIXES and place.parts[0] != Path(__file__).parent.name:
-            digest.update(f"{place.as_posix()}\0".encode() + path.read_bytes())
+        name = path.relative_to(planner)
+        if path.suffix in PLANNER_SUFFIXES and name.parts[0] != Path(__file__).parent.name:
+            digest.update(f"{name.as_posix()}\0".encode() + path.read_bytes())
     return digest.hexdigest()[:OPTIONS_KEY_CHARS]

@@ -41,7 +41,7 @@ def run_cases(
     Raises:
         BrokenExecutor: If the executor has ended, or its workers have another planner.
     """
-    left = iter(cases)
+    pending = iter(cases)
     following: deque[Case] = deque()
     running: dict[Future[Outcome], Case] = {}
     ended: SimpleQueue[Future[Outcome]] = SimpleQueue()
@@ -55,7 +55,7 @@ def run_cases(
         while True:
             room = (at_once() if callable(at_once) else at_once) - len(running)
             for _ in range(room):
-                case = following.popleft() if following else next(left, None)
+                case = following.popleft() if following else next(pending, None)
                 if case is None:
                     break
                 hand_out(case)
@@ -87,20 +87,21 @@ def _row_of(case: Case, future: Future[Outcome]) -> Row | None:
     except Exception as error:
         row: Row = {"verdict": LOST, "error": f"{type(error).__name__}: {error}"}
         return {"key": case.key, **case.columns, **row}
-    if case.keep is not None:
-        _replace_files(case.keep, outcome.files)
+    if case.files_dir is not None:
+        _replace_files(case.files_dir, outcome.files)
     return outcome.row
 
 
 def _replace_files(directory: Path, files: Mapping[str, bytes]) -> None:
     """Replace a directory, which has all files or is not there, by one of these files."""
     growing = directory.with_name(f".{directory.name}")
-    for old in (growing, directory):
-        if old.exists():
-            rmtree(old)
+    if growing.exists():  # of a command that was killed
+        rmtree(growing)
     for name, data in files.items():
         path = growing / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
+    if directory.exists():
+        rmtree(directory)
     if files:
         growing.rename(directory)

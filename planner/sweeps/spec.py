@@ -71,7 +71,7 @@ class Part(Table, frozen=True):
     files: list[Pattern] = []
     request: Values = {}
 
-    def folds(self, shape: str) -> bool:
+    def includes(self, shape: str) -> bool:
         """Return True if it folds the shape of a name."""
         return self.only is None or any(fnmatchcase(shape, pattern) for pattern in self.only)
 

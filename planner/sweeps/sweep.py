@@ -137,7 +137,7 @@ class SweepState:
         (self.directory / PAGE_OF_PLAN.format(key)).unlink(missing_ok=True)  # of an earlier plan
         self.rows[key] = self.settled[key] = with_shared_texts(row)
 
-    def left(self, series: FoldSeries) -> Iterator[int]:
+    def remaining_seeds(self, series: FoldSeries) -> Iterator[int]:
         """Yield the seeds without a row; after a verified one, none may be needed."""
         for seed in series.seeds:
             row = self.settled.get(series.key(seed))
@@ -146,16 +146,16 @@ class SweepState:
             elif self.spec.until and row.get("verified"):
                 return
 
-    def folds_left(self) -> int:
+    def count_remaining(self) -> int:
         """Return the number of folds without a row; seeds that may not be needed count, too."""
-        return sum(1 for series in self.series for _ in self.left(series))
+        return sum(1 for series in self.series for _ in self.remaining_seeds(series))
 
     def missing(self) -> Iterator[Case]:
         """Yield the folds without a row: the first seeds of all shapes before the second ones.
 
         If seeds are tried until one is verified, yield the first ones alone.
         """
-        turns = zip_longest(*map(self.left, self.series))
+        turns = zip_longest(*map(self.remaining_seeds, self.series))
         for seeds in islice(turns, 1) if self.spec.until else turns:
             for series, seed in zip(self.series, seeds, strict=True):
                 if seed is not None:
@@ -171,7 +171,7 @@ class SweepState:
     def after(self, case: Case) -> Case | None:
         """Return the case with the next seed if seeds are tried until one is verified."""
         series = self.handed_out.pop(case.key)
-        seed = next(self.left(series), None) if self.spec.until else None
+        seed = next(self.remaining_seeds(series), None) if self.spec.until else None
         return None if seed is None else self._case(series, seed)
 
     def _case(self, series: FoldSeries, seed: int) -> Case:
@@ -186,7 +186,7 @@ class SweepState:
             place: Where the folds are computed, and how many at the same time.
             executor: Computes the folds instead of Dask.
         """
-        if not self.folds_left():
+        if not self.count_remaining():
             return
         with ExitStack() as started:
             at_once: int | Callable[[], int] = CASES_PER_WORKER * (place.workers or cores())
@@ -213,8 +213,8 @@ class SweepState:
             self._draw(is_running=False)
 
     def _draw(self, *, is_running: bool) -> None:
-        left = self.folds_left()
-        write_map(self.directory, self.spec, self.rows, left, is_running=is_running)
+        remaining = self.count_remaining()
+        write_map(self.directory, self.spec, self.rows, remaining, is_running=is_running)
 
 
 class Sweep:

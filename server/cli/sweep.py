@@ -119,14 +119,14 @@ def _run(spec: SweepSpec, out: Path, place: Place, again: tuple[str, ...], as_js
         *(TextColumn("{task.fields[rate]}"), TimeRemainingColumn()),
     )
     with SweepState.opened(spec, out, again) as state:
-        left = state.folds_left()
+        remaining = state.count_remaining()
         with Progress(
             *columns,
             console=Console(stderr=True),
             redirect_stdout=sys.stdout.isatty(),  # rows in a file or a pipe stay there
-            disable=not left,
+            disable=not remaining,
         ) as progress:
-            bar = progress.add_task("starting", total=left, rate="")
+            bar = progress.add_task("starting", total=remaining, rate="")
             for number, row in enumerate(state.compute(place), 1):
                 verified += bool(row.get("verified"))
                 text = f"{verified} verified, {number - verified} not"
@@ -195,11 +195,11 @@ def _check_packages() -> None:
 def _show_plan(spec: SweepSpec, out: Path) -> None:
     """Print the number of folds, their expected time, and the first ones."""
     state = SweepState.of(spec, out)
-    seconds = sum(folds.expected_s * len([*state.left(folds)]) for folds in state.series)
+    seconds = sum(folds.expected_s * len([*state.remaining_seeds(folds)]) for folds in state.series)
     total = sum(len(folds.seeds) for folds in state.series)
     console = Console(soft_wrap=True, highlight=False)
     console.print(
-        f"{state.folds_left()} of {total} folds, {seconds / 3600:.1f} core hours expected"
+        f"{state.count_remaining()} of {total} folds, {seconds / 3600:.1f} core hours expected"
     )
     for case in islice(state.missing(), LISTED_CASES):
         text = " ".join(f"{name}={case.columns[name]}" for name in LISTED_COLUMNS)
@@ -216,7 +216,7 @@ def _show_status(spec: SweepSpec, out: Path) -> None:
     grid = Table("folds", "verdict", box=None)
     for verdict, count in counts.most_common():
         grid.add_row(str(count), Text(escaped(verdict)))
-    grid.add_row(str(state.folds_left()), "left")
+    grid.add_row(str(state.count_remaining()), "left")
     Console().print(grid)
 
 

@@ -42,7 +42,7 @@ class Immediate(Executor):
         future: Future[Any] = Future()
         trouble = self._trouble.pop(f"case_{case.key}", None)
         if trouble is None:
-            files = self._files if case.keep else {}
+            files = self._files if case.files_dir else {}
             future.set_result(Outcome(row={"key": case.key, "verdict": "computed"}, files=files))
         elif isinstance(trouble, KeyboardInterrupt):
             future.cancel()
@@ -85,7 +85,7 @@ def test_cases_follow_from_rows() -> None:
 
 
 def test_files_are_stored_before_the_row(tmp_path: Path) -> None:
-    storing_case = Case(key="1", columns={}, task=tasks.empty, keep=tmp_path / "plans" / "1")
+    storing_case = Case(key="1", columns={}, task=tasks.empty, files_dir=tmp_path / "plans" / "1")
     stored: list[bytes] = []
 
     def add(row: Row) -> None:
@@ -101,7 +101,7 @@ def test_files_of_an_earlier_outcome_go(tmp_path: Path) -> None:
             plan = tmp_path / name / "1"
             plan.mkdir(parents=True)
             (plan / "older").write_bytes(b"0")
-            repeated = Case(key="1", columns={}, task=tasks.empty, keep=plan)
+            repeated = Case(key="1", columns={}, task=tasks.empty, files_dir=plan)
             files = {"plan": b"1"} if has_files else {}
             executor = Immediate(files)
             list(run_cases([repeated], [].append, executor, at_once=1))
