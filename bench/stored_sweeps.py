@@ -81,7 +81,7 @@ def results_of(rows: list[Row]) -> dict[str, Row]:
             "attempts": earlier["attempts"] + (row.get("attempts") or 0),
             "clearance": row.get("min_clearance_pitch"),
             "torque_wp": row.get("table_torque_wp"),
-            "cpu_s": row["cpu_s"],
+            "cpu_s": row.get("cpu_s"),
             "digest": row["shape_digest"],
         }
     return results

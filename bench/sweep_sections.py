@@ -80,7 +80,7 @@ def add_verified(section: Section, label: str, rows: list[Row], bar: int | None 
 
 def add_verified_at_once(section: Section, label: str, rows: list[Row]) -> None:
     """Add the number of folds that are verified at the first attempt."""
-    at_once = sum(row["verified"] and row["attempts"] == 1 for row in rows)
+    at_once = sum(row["verified"] and row.get("attempts") == 1 for row in rows)
     share = at_once / len(rows)
     section.add(
         label,
@@ -91,8 +91,8 @@ def add_verified_at_once(section: Section, label: str, rows: list[Row]) -> None:
 
 
 def add_times(section: Section, label: str, rows: list[Row], column: str) -> None:
-    """Add the median and the longest of some times."""
-    times_s = sorted(row[column] for row in rows)
+    """Add the median and the longest of some times, which lost folds do not have."""
+    times_s = sorted(row[column] for row in rows if column in row)
     text = f"{times_s[len(times_s) // 2]:.1f} s, {times_s[-1]:.1f} s"
     section.add(f"{label}, median and most", text, "reported")
 
@@ -123,7 +123,7 @@ def seeds(reference_seconds: float) -> Section:
 def seeds_section(rows: list[Row]) -> Section:
     """Return the figures of all rows, and the rows not verified at the first attempt."""
     section = section_of(
-        "seeds", [row for row in rows if row["attempts"] != 1 or not row["verified"]]
+        "seeds", [row for row in rows if row.get("attempts") != 1 or not row["verified"]]
     )
     for group in dict.fromkeys(row["group"] for row in rows):
         of_group = [row for row in rows if row["group"] == group]

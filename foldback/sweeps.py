@@ -11,7 +11,9 @@ It needs Dask and Arrow: ``pip install 'foldback[sweep]'``.
 
 from importlib.util import find_spec
 
-if not all(find_spec(name) for name in ("distributed", "pyarrow")):
+from foldback.planner.sweeps import PACKAGES
+
+if not all(map(find_spec, PACKAGES)):
     raise ImportError("foldback.sweeps needs Dask and Arrow: pip install 'foldback[sweep]'")
 
 from foldback.planner.sweeps.case import Case, Limits, Outcome, Row

@@ -24,6 +24,7 @@ from foldback.cli.inputs import refuse
 from foldback.planner.chain.display_names import escaped
 from foldback.planner.errors import InputError
 from foldback.planner.parameters.parameters import PRESET_CHOICES, STRATEGY_CHOICES
+from foldback.planner.sweeps import PACKAGES
 from foldback.planner.sweeps.executors import Place
 from foldback.planner.sweeps.map import PAGE, PAGE_OF_PLAN, PLANS_DIR, PLAYERS_DIR
 from foldback.planner.sweeps.spec import SweepSpec
@@ -187,8 +188,7 @@ def _with_axes(spec: SweepSpec, text: str) -> SweepSpec:
 
 
 def _check_packages() -> None:
-    packages = ("distributed", "pyarrow", "psutil", "tomli_w", "cryptography")
-    if not all(map(find_spec, packages)):
+    if not all(map(find_spec, PACKAGES)):
         raise InputError("no-sweep", "foldback sweep needs Dask: pip install 'foldback[sweep]'")
 
 
