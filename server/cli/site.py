@@ -131,20 +131,21 @@ def write_players(out: Path, directories: Sequence[Path]) -> None:
 
 def _add_sweep(directory: Path, site_dir: Path) -> str:
     """Copy the page of a sweep, its tables and its players into a site; return its name there."""
-    if not (directory / PAGE).is_file():
+    files = (PAGE, PICTURE, PARQUET, CSV)
+    if missing := next((name for name in files if not (directory / name).is_file()), None):
         raise InputError(
             "no-sweep",
-            "got no index.html, expected the directory of a sweep.",
+            f"got no {missing}, expected the directory of a sweep; foldback sweep writes it.",
             where=str(directory),
         )
-    name = re.sub(r"[^A-Za-z0-9_-]+", "-", directory.resolve().name).strip("-") or "sweep"
-    target = site_dir / "sweeps" / name
+    folder = re.sub(r"[^A-Za-z0-9_-]+", "-", directory.resolve().name).strip("-") or "sweep"
+    target = site_dir / "sweeps" / folder
     target.mkdir(parents=True)
-    for file in (PAGE, PICTURE, PARQUET, CSV):
-        copyfile(directory / file, target / file)
+    for name in files:
+        copyfile(directory / name, target / name)
     if (directory / PLAYERS_DIR).is_dir():
         copytree(directory / PLAYERS_DIR, target / PLAYERS_DIR)
-    return name
+    return folder
 
 
 def _check_address(address: str | None) -> None:

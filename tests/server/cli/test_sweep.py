@@ -91,6 +91,13 @@ def test_map_of_a_directory_is_drawn_and_nothing_computed(place: Path) -> None:
     assert "1 folds computed, 0 verified, 19 left." in (place / "map" / "index.html").read_text()
 
 
+def test_site_names_what_a_sweep_that_was_killed_lacks(place: Path) -> None:
+    (place / "map" / "index.html").touch()
+    done = foldback("site", "www", "--sweeps", "map")
+    assert done.returncode == 2
+    assert "got no map.svg, expected the directory of a sweep" in done.stderr.replace("\n", " ")
+
+
 def test_axes_of_a_map_stay(place: Path) -> None:
     _with_row(place)
     foldback("sweep", "map", "--map", "rows=method,columns=shape,by=group")
