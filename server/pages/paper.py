@@ -15,7 +15,7 @@ from foldback.planner.chain.chain_attributes import chain_from_attributes
 from foldback.planner.storage.file_names import CHAIN
 from foldback.server.http.downloads import BINARY_MEDIA_TYPE, revalidated
 from foldback.server.http.security import INDEXED_HEADERS
-from foldback.server.pages.page import not_found, origin_of, page
+from foldback.server.pages.page import not_found, origin_of, page, rendered
 from foldback.web.static_files import STATIC
 from foldback.web.viser.scene_bundle import bundle_of
 
@@ -50,6 +50,12 @@ async def paper(request: Request) -> Response:
     """Return the page that compares the paper's experiments with our own runs."""
     values = await asyncio.to_thread(paper_values)
     return page("paper.html", listed=True, origin=origin_of(request), **values)
+
+
+@router.get("/paper/settings")
+async def settings(request: Request) -> Response:
+    """Return the fields of the published method's settings, for pages that have none."""
+    return revalidated(request, rendered("paper_settings.html").encode(), "text/html")
 
 
 @router.get("/paper/{name}/{part}")

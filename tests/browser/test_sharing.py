@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import expect
 
+from foldback.planner.parameters.settings_text import SETTINGS
 from foldback.web.static_files import STATIC
 from tests.browser.conftest import NO_WEBGL, Visit, drag, keep_as_mine, open_tab, picture
 from tests.server.service_process import STAIRS, Service
@@ -135,6 +136,7 @@ def test_compare_plays_and_turns_two_folds_together(
 ) -> None:
     page = visit(f"/folds/{wrench}", view=False)
     page.locator("#compare").click()
+    expect(page.locator("#compare-settings input")).to_have_count(len(SETTINGS))
     page.get_by_role("button", name="Joints turned directly").click()
     page.wait_for_url("**/compare?a=*&b=*")
     direct = page.url.rsplit("b=", 1)[1]

@@ -13,6 +13,7 @@ import pytest
 from fastapi import FastAPI
 
 from bench.reproduction.experiments import STATEMENTS
+from foldback.planner.parameters.settings_text import SETTINGS
 from foldback.planner.readers.formats import READABLE_SUFFIXES
 from foldback.server.http.downloads import Asset
 from foldback.server.pages import paper, prerendered_pages, static
@@ -136,6 +137,10 @@ def test_every_statement_is_shown_and_every_address_is_answered() -> None:
         assert batch["total"] == len(columns["time_s"]) > 10
         joints = chain["hinges"] * (chain["modules"] - 1 - chain["rigid_links"])
         assert columns["joint_angles_rad"].shape[1] == joints
+
+
+def test_settings_of_the_paper_are_sent_to_pages_that_have_none() -> None:
+    assert get("/paper/settings").text.count("data-setting") == len(SETTINGS)
 
 
 def test_films_are_cached_until_they_change() -> None:

@@ -12,8 +12,9 @@ let listed = false; // true once the shapes of the gallery are listed
 addStyle("/static/css/paper_settings.css");
 
 /** @param {Facts} facts */
-export function compare({ id, compare: comparisons }) {
-  get("paper-settings").hidden = !comparisons.some(({ settable }) => settable);
+export async function compare({ id, compare: comparisons }) {
+  const place = get("compare-settings");
+  if (!place.firstChild && comparisons.some(({ settable }) => settable)) await addSettings(place);
   get("compare-ways").replaceChildren(
     ...comparisons.map(({ text, hint, form, id: otherId, settable }) =>
       way(text, hint, async () => {
@@ -35,6 +36,17 @@ export function compare({ id, compare: comparisons }) {
     else toast("This is not a link to a fold. Open the fold and copy the link under Share");
   };
   get("compare-dialog").showModal();
+}
+
+// Add the settings of the published method, which few visitors change.
+/** @param {HTMLElement} place */
+async function addSettings(place) {
+  const answer = await fetch(at("/paper/settings"));
+  const page = new DOMParser().parseFromString(await answer.text(), "text/html");
+  const settings = page.querySelector("details");
+  if (!settings) throw new Error("The settings cannot be loaded. Try again later.");
+  settings.hidden = false;
+  place.replaceChildren(settings);
 }
 
 // Compare with the published method and its changed settings,

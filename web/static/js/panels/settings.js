@@ -1,12 +1,12 @@
 // Settings of the published method, of robots and of tables: empty fields mean the defaults.
 import { get } from "../lib/text.js";
 
-const root = get("paper-settings");
+const settings = () => get("paper-settings");
 
 // Show the settings only for the published preset.
 /** @param {string} preset */
 export function showFor(preset) {
-  root.hidden = preset !== "paper";
+  settings().hidden = preset !== "paper";
 }
 
 // Show the settings while the published preset is selected in a list.
@@ -60,14 +60,14 @@ export function fill(part, settings) {
 // that requests a fold; none if nothing is changed.
 /** @returns {{ settings?: string }} */
 export function changed() {
-  const settings = settingsOf(root);
-  return settings ? { settings } : {};
+  const text = settingsOf(settings());
+  return text ? { settings: text } : {};
 }
 
 // Open the settings of the published method and focus the first one.
 export function open() {
-  root.open = true;
-  inputsIn(root)[0].focus();
+  settings().open = true;
+  inputsIn(settings())[0].focus();
 }
 
 // Mark and show the field of the setting that is the reason of a refusal.
