@@ -140,6 +140,11 @@ def _add_sweep(directory: Path, site_dir: Path) -> str:
         )
     folder = re.sub(r"[^A-Za-z0-9_-]+", "-", directory.resolve().name).strip("-") or "sweep"
     target = site_dir / "sweeps" / folder
+    if target.exists():
+        raise InputError(
+            "no-sweep",
+            f"got two sweeps with the name {folder!r}, expected one; rename one of them.",
+        )
     target.mkdir(parents=True)
     for name in files:
         copyfile(directory / name, target / name)

@@ -91,11 +91,16 @@ def test_map_of_a_directory_is_drawn_and_nothing_computed(place: Path) -> None:
     assert "1 folds computed, 0 verified, 19 left." in (place / "map" / "index.html").read_text()
 
 
-def test_site_names_what_a_sweep_that_was_killed_lacks(place: Path) -> None:
+def test_sweeps_that_a_site_cannot_show_are_refused(place: Path) -> None:
     (place / "map" / "index.html").touch()
     done = foldback("site", "www", "--sweeps", "map")
     assert done.returncode == 2
     assert "got no map.svg, expected the directory of a sweep" in done.stderr.replace("\n", " ")
+    for name in ("map.svg", "results.csv", "results.parquet"):
+        (place / "map" / name).touch()
+    done = foldback("site", "www", "--sweeps", "map", "--sweeps", "map")
+    assert done.returncode == 2
+    assert "got two sweeps with the name 'map'" in done.stderr.replace("\n", " ")
 
 
 def test_axes_of_a_map_stay(place: Path) -> None:
