@@ -164,13 +164,13 @@ def _target(on: str) -> dict[str, Any]:
 
 def _check_scheduler(on: str) -> None:
     from distributed import Client
+    from distributed.comm import get_address_host_port
 
     address = on if "://" in on else str(json_of(Path(on)).get("address"))
     if is_public(address):
         log.warning("%s is public and has no TLS: others may run programs there. Use tls://.", on)
     try:
-        if "://" not in address:
-            raise ValueError("neither an address nor a file with one")
+        get_address_host_port(address, strict=True)
         Client(**_target(on), timeout=CONNECT_TIMEOUT).close()
     except (OSError, TypeError, ValueError) as error:  # TypeError: no certificates for tls://
         raise InputError(
