@@ -164,7 +164,7 @@ def _target(on: str) -> dict[str, Any]:
 
 def _check_scheduler(on: str) -> None:
     from distributed import Client
-    from distributed.comm import get_address_host_port
+    from distributed.comm.addressing import get_address_host_port
 
     address = on if "://" in on else str(json_of(Path(on)).get("address"))
     if is_public(address):
