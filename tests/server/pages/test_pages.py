@@ -13,6 +13,7 @@ import pytest
 from fastapi import FastAPI
 
 from bench.reproduction.experiments import STATEMENTS
+from bench.stored_sweeps import MAP_NAMES
 from foldback.planner.parameters.settings_text import SETTINGS
 from foldback.planner.readers.formats import READABLE_SUFFIXES
 from foldback.server.http.downloads import Asset
@@ -43,7 +44,7 @@ def test_success_map_is_shown_on_the_benchmarks_page() -> None:
     (source,) = re.findall(r'<img src="([^"]+)"', page.text)
     drawn = get(source)
     assert drawn.headers["content-type"] == "image/svg+xml"
-    for method in ("direct", "paper", "one-by-one", "simultaneous", "blocks", "peel", "auto"):
+    for method in MAP_NAMES["method"].values():
         assert f">{method}</text>" in drawn.text
         assert method in page.text
 
