@@ -17,8 +17,6 @@ SERVOS_DEG: Final = (
 )
 """Joint errors within which common hinges stay, in degrees, largest first, and their names."""
 QUESTION: Final = "Could I build this?"
-AGAIN_LABEL: Final = "Fold again so"
-"""Button that folds again with the module size that a joint error allows."""
 HURDLES: Final = (
     (
         "Gravity",
@@ -75,18 +73,27 @@ def build_words(certificate: CertificateFigures) -> BuildWords | None:
     }
 
 
+def again_label(size: float) -> str:
+    """Return the label of the button that folds again with the size that a joint error allows."""
+    return f"Fold again with modules of {_percent(size)}\N{NO-BREAK SPACE}%"
+
+
 def size_words(errors: JointErrorFigures) -> str:
     """Return the largest module size with which robots tolerate a joint error."""
     error, size = f"{math.degrees(errors['error_rad']):.3g}°", errors["module_size"]
     if size is None:
         return (
-            f"For servos of {error}, even modules that fill only {100 * MIN_SIZE:.0f} % of the "
-            "spacing are too large."
+            f"Servos of {error} are not exact enough: even modules that fill only "
+            f"{100 * MIN_SIZE:.0f} % of the spacing would touch."
         )
     return (
         f"For servos of {error}, modules may fill at most {_about(errors)}"
-        f"{rounded_down(100 * size, 1).removesuffix('.0')} % of the spacing."
+        f"{_percent(size)} % of the spacing."
     )
+
+
+def _percent(size: float) -> str:
+    return rounded_down(100 * size, 1).removesuffix(".0")
 
 
 def _about(errors: JointErrorFigures) -> str:

@@ -41,10 +41,10 @@ from foldback.words.certificate import TableWords
 from foldback.words.failures import AttemptWords, Failure, attempts, failure, tightest_frame
 from foldback.words.fold import RUNNING_STATUSES, ShownFold, has_motion, step_count
 from foldback.words.joint_errors import (
-    AGAIN_LABEL,
     HURDLES,
     QUESTION,
     BuildWords,
+    again_label,
     build_words,
 )
 from foldback.words.plan_choice import Choice, choice_of
@@ -377,7 +377,7 @@ def _build(row: ShownFold, certificate: CertificateFigures, *, api: bool) -> Bui
             joint_error=error if row.modules <= MAX_SAMPLED_MODULES else None,
             module_size=size,
         )
-        again = _suggestion(Button(AGAIN_LABEL), _form(row, smaller, "preset"))
+        again = _suggestion(Button(again_label(size)), _form(row, smaller, "preset"))
     return {"question": QUESTION, "words": words, "again": again, "hurdles": HURDLES}
 
 

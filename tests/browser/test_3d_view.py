@@ -102,7 +102,7 @@ WAIT = "async () => { for (let k = 0; k < 40; k++) await new Promise(requestAnim
 def test_drawing_stays_until_the_3d_view_has_painted(visit: Visit, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", width=390, height=520, has_touch=True, script=HOLD_PICTURES)
     page.wait_for_function("() => window.foldback.player.stage.open")
-    expect(page.locator("#keys")).to_be_hidden()  # touch devices have no keyboard
+    expect(page.locator(".keyboard")).to_have_css("display", "none")  # touch devices have none
     page.keyboard.press("End")
     page.evaluate(WAIT)
     expect(page.locator("#sketch")).not_to_have_class(re.compile("gone"))

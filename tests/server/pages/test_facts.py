@@ -120,7 +120,7 @@ def test_verified_fold_offers_to_fold_for_real_servos(tmp_path: Path) -> None:
         "touching_with_error": 8,
     }
     again = build()["again"]
-    assert again["text"] == "Fold again so"
+    assert again["text"] == "Fold again with modules of 84\N{NO-BREAK SPACE}%"
     assert (again["form"]["joint_error"], again["form"]["module_size"]) == ("0.3deg", 0.84)
     assert "joint_error" not in build(modules=401)["again"]["form"]
     certificate["joint_errors"]["module_size"] = None

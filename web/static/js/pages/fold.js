@@ -128,6 +128,12 @@ get("build").onclick = (event) => {
   event.preventDefault();
   drawer.openAt(dataset.tab);
 };
+get("verdict").addEventListener("click", (event) => {
+  if (/** @type {HTMLElement} */ (event.target).id !== "verdict-check") return;
+  event.preventDefault();
+  drawer.openAt("properties");
+  get("check").scrollIntoView();
+});
 get("properties").onclick = ({ target }) => {
   if (target === get("check-plan")) checking((check) => check.begin("claim"));
 };
