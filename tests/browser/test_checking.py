@@ -22,7 +22,7 @@ def check_in_page(check: Locator) -> Locator:
 def test_fold_is_checked_and_broken_on_purpose(visit: Visit, finished: FinishedFold) -> None:
     page = visit(finished.page, width=390, height=760, view=False)
     page.wait_for_function("() => window.foldback?.timeline.complete")
-    page.locator("#details").click()
+    page.locator("#verdict-check").click()
     check = page.locator("#check")
     urls: list[str] = []
     page.on("request", lambda request: urls.append(request.url))
