@@ -8,9 +8,6 @@ const MAX_TITLE_LINES = 2;
 const SIDE = 0.06; // fraction of the picture's width that stays free on each side
 const TOP = 0.06; // fraction of the picture's height above a title
 const BELOW = 0.05; // the same below a caption
-const TITLE_S = 2.6; // seconds for which a title is shown, in the beginning
-const TITLE_END_S = 1.8; // the same in the end
-const FADE_S = 0.5;
 
 // Return the lines of a text that fit a width. A text that is too long ends with "…".
 /**
@@ -42,17 +39,6 @@ function fitting(line, measure, width) {
   const letters = [...line.replace(/ …$/, "")];
   while (letters.length > 1 && measure(`${letters.join("")}…`) > width) letters.pop();
   return `${letters.join("")}…`;
-}
-
-// Return the opacity of the title, which is shown in the beginning and in the end of the film.
-/**
- * @param {number} seconds
- * @param {number} length of the film
- */
-export function titleOpacity(seconds, length) {
-  const left = TITLE_S - seconds;
-  const since = seconds - (length - TITLE_END_S);
-  return Math.min(1, Math.max(0, left / FADE_S, since / FADE_S));
 }
 
 /**

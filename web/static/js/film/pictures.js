@@ -2,10 +2,12 @@
 import { CameraRig } from "../player/camera_rig.js";
 import { groundAfter } from "../viewer/stage.js";
 import { floorUnder } from "../viewer/sketch.js";
-import { captionText, titleOpacity, titleText } from "./labels.js";
-import { FPS, schedule } from "./schedule.js";
+import { captionText, titleText } from "./labels.js";
+import { FPS, paceOf, schedule } from "./schedule.js";
 
 const LOOK_MS = 100; // between two looks for data that is still loading
+// Speed at which the camera turns around the finished shape; it shows words more from their front.
+const END_TURN_RAD_S = -0.09;
 const CAPTION_ROOM = 0.16; // fraction of the picture's height that stays free for captions
 /** @type {Record<"light" | "dark", [inside: string, outside: string]>} */
 const GROUNDS = {
@@ -37,7 +39,8 @@ export class Pictures {
     this.signal = signal;
     const folding = timeline.outline.phases.findLast(({ name }) => name === "playback");
     const first = options.whole || !folding ? 0 : folding.from;
-    this.schedule = schedule({ ...options, first, last: timeline.last });
+    const pace = paceOf(timeline, first, timeline.last);
+    this.schedule = schedule({ ...options, pace });
     this.dark = themeNow() === "dark";
     this.rig = this.camera((timeline.last - first) / options.seconds);
     /** @type {number | null} */
@@ -88,7 +91,6 @@ export class Pictures {
     const added = (/** @type {import("./labels.js").Text} */ { image, y }) => ({
       image: images.push(image) - 1,
       y,
-      opacity: 1,
     });
     if (title.trim()) this.title = added(await titleText(title, look));
     for (const { caption } of stops)
@@ -101,6 +103,8 @@ export class Pictures {
     const { player, rig, schedule: plan } = this;
     const snapshot = await this.moment(plan.frames[k]);
     const stop = plan.stops[k];
+    if (rig.is.follow && snapshot.frame === player.timeline.last)
+      rig.orbit({ turn: [END_TURN_RAD_S / FPS, 0] }, snapshot);
     rig.aim(snapshot);
     rig.glide(1 / FPS, snapshot);
     if (!rig.eye || !player.sketch) throw new Error("There is no view to film yet.");
@@ -109,7 +113,7 @@ export class Pictures {
     return player.sketch.filmed([snapshot, colours, rig.eye, this.groundAt(snapshot)], {
       ...this.options,
       ground: this.backdrop,
-      labels: this.labels(k, stop),
+      labels: this.labels(stop),
     });
   }
 
@@ -164,17 +168,11 @@ export class Pictures {
     );
   }
 
-  /**
-   * @param {number} k
-   * @param {TourStop | null} stop
-   */
-  labels(k, stop) {
-    const labels = [];
-    const opacity = titleOpacity(k / FPS, this.options.seconds);
-    if (this.title && opacity > 0) labels.push({ ...this.title, opacity });
+  // Return the title, which stays for the whole film, and the caption of a stop.
+  /** @param {TourStop | null} stop */
+  labels(stop) {
     const caption = stop && this.captions.get(stop.caption);
-    if (caption) labels.push(caption);
-    return labels;
+    return [this.title, caption].filter((label) => label != null);
   }
 }
 

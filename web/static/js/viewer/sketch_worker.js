@@ -47,7 +47,7 @@ const GAP = 0.6; // brightness of the gap
  *   | { is: "film", frame: SketchFrame, size: typeof size, ground: Ground, labels: Label[] }}
  *   SketchTold
  */
-/** @typedef {{ image: number, y: number, opacity: number }} Label one of the pictures of texts */
+/** @typedef {{ image: number, y: number }} Label one of the pictures of texts */
 /**
  * @typedef {{ paper: OffscreenCanvas, pen: OffscreenCanvasRenderingContext2D, size: typeof size,
  *   ground: Ground | null, backdrop: OffscreenCanvas | null }} Surface canvas that is drawn on
@@ -121,11 +121,7 @@ function filmed({ frame, size: wanted, ground: behind, labels }) {
   else if (JSON.stringify(filmSurface.ground) !== JSON.stringify(behind))
     Object.assign(filmSurface, { ground: behind, backdrop: null });
   drawOn(filmSurface, frame);
-  for (const { image, y, opacity } of labels) {
-    filmSurface.pen.globalAlpha = opacity;
-    filmSurface.pen.drawImage(texts[image], 0, y);
-  }
-  filmSurface.pen.globalAlpha = 1;
+  for (const { image, y } of labels) filmSurface.pen.drawImage(texts[image], 0, y);
   return filmSurface.paper.transferToImageBitmap();
 }
 
