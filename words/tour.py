@@ -80,7 +80,7 @@ def draft_stops(row: ShownFold, frames: int, moments: Moments | None = None) -> 
         "tightest": _tightest(certificate, stored_moments.plan),
         "knot": _knot(stored_moments),
         "torque": _torque(certificate, stored_moments),
-        "direct": _direct(stored_moments),
+        "direct": _direct(certificate, stored_moments),
     }
     stops += [DraftStop(kind, stop) for kind, stop in between.items() if stop is not None]
     stops.sort(key=lambda draft: draft.stop.frame)
@@ -102,6 +102,8 @@ def _start(row: ShownFold, moments: Moments) -> list[DraftStop]:
     chain = row.counted + (f" in a row, with {joints} joints" if joints else "")
     straight = f"The chain is straight: {chain}. Now it folds."
     if not (refold := row.summary.get("refold")):
+        if moments.plan:
+            straight += " Only this part is the plan for a robot."
         stops = [DraftStop("straight", _stop(straight, moments.straight))]
         return [DraftStop("unfolding", _unfolding(moments)), *stops] if moments.plan else stops
     text = f"First, the chain has another shape: {shown_name(refold['start'])}. It unfolds."
@@ -114,8 +116,8 @@ def _start(row: ShownFold, moments: Moments) -> list[DraftStop]:
 def _unfolding(moments: Moments) -> Stop:
     """Return the stop that plays the search for a motion, from folded to straight."""
     text = (
-        "This is the finished shape. foldback looks for a motion that unfolds it. Played "
-        "backwards, that motion folds the chain."
+        "This is the finished shape. Unfolding is easier than folding, so foldback first looks for "
+        "a motion that unfolds it. Played backwards, that motion folds the chain."
     )
     return replace(_stop(text, 0), first=1, last=moments.plan)
 
@@ -202,14 +204,17 @@ def _torque(certificate: CertificateFigures, moments: Moments) -> Stop | None:
     return _meeting(text, peak, colour=colour)
 
 
-def _direct(moments: Moments) -> Stop | None:
+def _direct(certificate: CertificateFigures, moments: Moments) -> Stop | None:
     direct = moments.direct
     if direct is None or moments.direct_percent is None:
         return None
     text = (
-        "A simpler motion would fail: if all joints turned evenly from straight to folded, "
-        f"{_modules(direct.modules)} would overlap after {moments.direct_percent} % of the motion."
+        "A simpler motion would fail. If all joints turned evenly from straight to folded, "
+        f"{_modules(direct.modules)}, the bright blue ones, would run into each other after "
+        f"{moments.direct_percent} % of the motion."
     )
+    if certificate.get("verified"):
+        text += " Here they keep apart."
     return _meeting(text, direct)
 
 

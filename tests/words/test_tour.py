@@ -120,10 +120,12 @@ def test_draft_has_each_moment_in_order_with_the_figures_of_the_certificate() ->
     assert (unfolding.first, unfolding.last) == (1, 964)
     assert "motion that unfolds it" in unfolding.caption
     assert "160 cubes in a row, with 158 joints" in straight.caption
+    assert "Only this part is the plan for a robot" in straight.caption
     assert "modules 21 and 32 are 4.89 % of the spacing apart" in texts[2]
     assert str(clearance(certificate)) in texts[2]
     assert texts[3].endswith("{}: {}.".format(*torque(certificate)))
-    assert "modules 6 and 91 would overlap after 42 %" in texts[5]
+    assert "modules 6 and 91, the bright blue ones, would run into each other" in texts[5]
+    assert texts[5].endswith("after 42 % of the motion. Here they keep apart.")
     assert "Folding time: 23.9 s at joint speeds of up to 1 rad/s" in texts[7]
     assert Tour.from_dict(drafted.as_dict()) == drafted
 
