@@ -65,30 +65,81 @@ test("motion between stops is slow at both ends, and captions can be read", () =
   assert.ok(readingSeconds("x".repeat(160)) > 8);
 });
 
-test("a visitor who moves the playhead stops the tour", () => {
+// Return a tour's flight over a timeline whose frames are loaded only once `load` is called.
+function flown({ loaded = true } = {}) {
   const frames = [];
   globalThis.requestAnimationFrame = (draw) => frames.push(draw);
+  const called = [];
+  const sent = [];
+  const moment = (frame) => ({ frame, exact: loaded, positions: new Float64Array(9) });
   const player = {
     is: { playing: false },
     playhead: { frame: 0 },
+    timeline: { peek: moment, bundle: { header: { camera: { elevation_rad: 0.4 } } } },
+    rig: {
+      pitch: 1,
+      whole: (_, { azimuth, elevation }) => ({
+        azimuth: azimuth ?? 1,
+        elevation,
+        distance: 9,
+        target: [0, 0, 0],
+      }),
+    },
+    get snapshot() {
+      return moment(this.playhead.frame);
+    },
     mark() {},
-    send({ do: action, frame }) {
-      if (action === "seek") this.playhead.frame = frame;
+    send(command) {
+      sent.push(command);
+      if (command.do !== "seek") return;
+      this.playhead.frame = command.frame;
+      this.is.playing = false;
     },
   };
-  const called = [];
   const flight = new Flight(player, {
     calm: false,
     page: { colour() {}, path() {} },
+    arrived: () => called.push("arrived"),
     over: () => called.push("over"),
     interrupted: () => called.push("interrupted"),
   });
+  const load = () => (loaded = true);
+  return { flight, player, frames, called, sent, load };
+}
+
+test("a visitor who moves the playhead stops the tour", () => {
+  const { flight, player, frames, called } = flown();
   flight.show({ caption: "a", frame: 100 }, { playing: true });
   frames.pop()();
   assert.deepEqual(called, []);
   player.playhead.frame = 50;
   frames.pop()();
   assert.deepEqual([called, frames.length], [["interrupted"], 0]);
+});
+
+test("a stop arrives once its frame is loaded, and its part plays after a rest", ({ mock }) => {
+  mock.timers.enable({ apis: ["setTimeout"] });
+  const { flight, player, frames, called, sent, load } = flown({ loaded: false });
+  player.playhead.frame = 70;
+  player.is.playing = true;
+  flight.show({ caption: "a", frame: 1, from: 1, to: 90 }, { jump: true });
+  frames.pop()();
+  assert.deepEqual([called, player.playhead.frame, flight.moving], [[], 0, true]);
+  load();
+  frames.pop()();
+  assert.deepEqual([called, flight.moving], [["arrived"], false]);
+  const plays = () => sent.some((command) => command.do === "play");
+  assert.equal(plays(), false);
+  mock.timers.tick(10_000);
+  assert.equal(plays(), true);
+});
+
+test("the whole chain is in view at a stop with modules", () => {
+  const { flight, sent } = flown();
+  flight.show({ caption: "a", frame: 1, modules: [1, 3] }, { jump: true });
+  const { camera } = sent.find((command) => command.do === "camera");
+  assert.deepEqual([camera.zoom, camera.offset], [1, null]);
+  assert.ok(Number.isFinite(camera.azimuth));
 });
 
 test("the address names a stop of the tour", () => {

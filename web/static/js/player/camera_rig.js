@@ -255,7 +255,8 @@ export class CameraRig {
   // Return the view of the whole chain that Follow would choose in the direction of a view.
   /**
    * @param {Snapshot} snapshot
-   * @param {View} view
+   * @param {{ azimuth: number | null, elevation: number }} view
+   *   azimuth null for the side that shows most of the chain
    */
   whole(snapshot, { azimuth, elevation }) {
     return framing(this.points(snapshot, null), { ...this.seeing(null), azimuth, elevation });

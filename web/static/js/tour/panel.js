@@ -32,8 +32,12 @@ export class TourPanel {
     this.flight = new Flight(player, {
       calm,
       page: place.page,
+      arrived: () => this.say(),
       over: () => this.next(),
-      interrupted: () => this.pause(),
+      interrupted: () => {
+        this.flight.end();
+        this.pause();
+      },
     });
     this.playing = false;
     this.onEnd = () => {}; // called after the last caption
@@ -84,15 +88,13 @@ export class TourPanel {
   open({ stop = 1, view = true, playing = false, guided = false } = {}) {
     if (this.box.hidden) this.remember();
     this.guided = guided;
-    get("tour-hint").hidden = !guided;
     get("tour-edit").hidden = guided || !this.id;
     this.box.hidden = false;
     get("tour").setAttribute("aria-expanded", "true");
     this.state.go(stop - 1);
-    this.show();
     this.playing = playing;
-    this.flight.show(this.state.stop, { view, playing });
-    this.say();
+    this.flight.show(this.state.stop, { view, playing, jump: true });
+    this.show();
   }
 
   close() {
@@ -140,13 +142,14 @@ export class TourPanel {
       return;
     }
     this.playing = true;
-    if (this.state.at === this.state.stops.length - 1) this.state.go(0);
-    this.go();
+    const restarts = this.state.at === this.state.stops.length - 1;
+    if (restarts) this.state.go(0);
+    this.go({ jump: restarts });
   }
 
   pause() {
     this.playing = false;
-    this.flight.end();
+    this.flight.pause();
     this.say();
   }
 
@@ -168,21 +171,25 @@ export class TourPanel {
     this.onEnd();
   }
 
-  go() {
-    this.flight.show(this.state.stop, { playing: this.playing });
+  go({ jump = false } = {}) {
+    this.flight.show(this.state.stop, { playing: this.playing, jump });
     this.show();
   }
 
-  // Show the caption and the number of the current stop.
+  // Show the number of the current stop and, once its picture is there, its caption. Until then,
+  // the panel has the height that the caption needs.
   say() {
     const { state } = this;
     const { stops, stop } = state;
-    if (get("tour-caption").textContent !== stop.caption)
-      get("tour-caption").textContent = stop.caption;
+    const caption = get("tour-caption");
+    const text = this.flight.moving ? "" : stop.caption;
+    if (caption.textContent !== text) caption.textContent = text;
+    caption.dataset.coming = this.flight.moving ? stop.caption : "";
     get("tour-count").textContent = `${state.at + 1} of ${stops.length}`;
+    get("tour-hint").hidden = !this.guided || state.at > 0;
     get("tour-before").disabled = state.at === 0;
     get("tour-after").disabled = state.at === stops.length - 1;
-    get("tour-run").textContent = this.playing ? "Pause" : "Play tour";
+    get("tour-run").textContent = this.playing ? "Pause" : "Play";
     this.place.stop = state.at;
     this.place.note();
   }

@@ -24,9 +24,11 @@ const spread = (modules) => modules.filter((_, k) => k % Math.ceil(modules.lengt
  * @param {Floats} positions
  * @param {number[]} modules
  * @param {[azimuth: number, elevation: number]} home
+ * @param {((azimuth: number, elevation: number) => Vector) | null} eyeAt
+ *   returns the position of the eye in pitches; null for an eye that is far away
  * @returns {[azimuth: number, elevation: number]}
  */
-export function clearestSight(positions, modules, [azimuth, elevation]) {
+export function clearestSight(positions, modules, [azimuth, elevation], eyeAt = null) {
   const sample = spread(modules);
   const targets = new Set(modules);
   /** @type {[azimuth: number, elevation: number]} */
@@ -36,8 +38,10 @@ export function clearestSight(positions, modules, [azimuth, elevation]) {
     for (const rise of RISES) {
       const turn = azimuth + (Math.PI * (k % 2 ? -(k + 1) : k)) / TURNS;
       const way = outward(turn, rise);
+      const eye = eyeAt?.(turn, rise);
       const hidden = sample.reduce(
-        (sum, module) => sum + before(positions, module, way, targets),
+        (sum, module) =>
+          sum + before(positions, module, eye ? towards(eye, positions, module) : way, targets),
         0,
       );
       const cost = hidden + 0.02 * k + 0.1 * Math.abs(rise - elevation);
@@ -48,6 +52,19 @@ export function clearestSight(positions, modules, [azimuth, elevation]) {
     }
   }
   return best;
+}
+
+// Return the unit vector from a module to the eye.
+/**
+ * @param {Vector} eye
+ * @param {Floats} positions
+ * @param {number} module
+ * @returns {Vector}
+ */
+function towards(eye, positions, module) {
+  const [x, y, z] = eye.map((v, k) => v - positions[3 * module + k]);
+  const length = Math.hypot(x, y, z);
+  return [x / length, y / length, z / length];
 }
 
 // Return 1 if another module hides this one in the given direction; otherwise 0.
