@@ -55,7 +55,7 @@ def test_kiosk_plays_on_without_network_and_returns_from_a_visitor(
 
     expect(frame_locator.locator("#tour-run")).to_have_text("Pause")
     frame_locator.locator(".surface").click()
-    expect(frame_locator.locator("#tour-run")).to_have_text("Play tour")
+    expect(frame_locator.locator("#tour-run")).to_have_text("Play")
     expect(page.locator(first)).to_be_visible()
     expect(page.locator("iframe")).to_have_count(1)
     third = count_objects(page)
