@@ -23,17 +23,24 @@ RECORDED = """async () => {
     ["pictures", "record", "formats"].map((name) => import(`/static/js/film/${name}.js`)),
   );
   const options = { width: 320, height: 180, seconds: 1, whole: true, title: "T", stops: [] };
-  const pictures = new Pictures(window.foldback.player, options);
+  const { player } = window.foldback;
+  player.lookAt([2, 3]);
+  const pictures = new Pictures(player, options);
   await pictures.prepare();
   const { signal } = new AbortController();
   const film = await record(recordingType(), { pictures, signal, progress() {} });
-  return [film.type, await new Promise((done) => {
+  const { view } = pictures.rig;
+  const whole = pictures.rig.whole(player.timeline.snapshot(player.timeline.last), view);
+  return [film.type, view.distance / whole.distance, await new Promise((done) => {
     const reader = new FileReader();
     reader.onload = () => done(reader.result);
     reader.readAsDataURL(film);
   })];
 }"""
-"""Function that makes a small film without WebCodecs; returns its type and its data URL."""
+"""Function that makes a small film without WebCodecs while the page looks at two modules.
+
+It returns the film's type, the distance of the camera in the end as a multiple of that from which
+it sees the whole chain, and the film's data URL."""
 
 
 def played(page: Page, address: str) -> list[float]:
@@ -77,8 +84,9 @@ def test_film_can_be_cancelled(visit: Visit, wrench: str) -> None:
 def test_film_is_recorded_where_the_browser_has_no_encoder(visit: Visit, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", view=False)
     page.wait_for_function("() => window.foldback?.timeline.complete")
-    kind, address = page.evaluate(RECORDED)
+    kind, distance, address = page.evaluate(RECORDED)
     assert kind in {"video/mp4", "video/webm"}
+    assert distance == pytest.approx(1.0, abs=0.1)
     width, height, seconds = played(page, address)
     assert (width, height) == (320, 180)
     assert seconds > 0.9

@@ -71,8 +71,8 @@ export class Pictures {
       { aspect: () => aspect, calm: false },
     );
     if (is.follow) {
-      Object.assign(rig, { group: seen.group });
-      rig.choose(seen.choice);
+      // Stops of a tour and places in a plan show a few modules; a film shows the whole chain.
+      if (!seen.group) rig.choose(seen.choice);
       if (stops.length) rig.cover(CAPTION_ROOM);
     } else if (seen.view) {
       // A narrower picture shows the same width.
