@@ -21,12 +21,12 @@ AGAIN_LABELS: Final = {
     "preset": "Try foldback’s own method",
     "module_size": "Try the default module size",
     "strategy": "Try to unfold all hinges at once",
-    "seed": "Try another random seed",
+    "seed": "Try another random start",
 }
 """Buttons that try a failed or cancelled fold again, by what changes."""
 RECORDED: Final = Button("Before smoothing", "The original plan")
 FLOATING_FOLD: Final = Button("In zero gravity", "The same fold without a table")
-PUBLISHED_CHANGED: Final = Button("Published method, modified", "With your own settings")
+PUBLISHED_CHANGED: Final = Button("As in the paper, changed", "With your own settings")
 EXPLOSION: Final = Button("All hinges at once", "Smooth motion, without rests between turns")
 OTHER_PRESETS: Final = {
     "default": Button(
@@ -42,7 +42,7 @@ OTHER_PRESETS: Final = {
 
 def another_seed(seed: int) -> Button:
     """Return the button for the same fold with another seed."""
-    return Button("Another seed", f"Seed {seed}")
+    return Button("Another random start", f"Random start {seed}")
 
 
 def on_a_table(time: str, modules: int) -> Button:
@@ -63,7 +63,7 @@ def preferring(preference: Preference, time: str) -> Button:
 
 def published(time: str) -> Button:
     """Return the button for a fold by the published method that takes a time in words."""
-    return Button("Published method", f"Takes {time}")
+    return Button("As in the paper", f"Takes {time}")
 
 
 def about(seconds: float) -> str:

@@ -94,7 +94,7 @@ def test_smoothed_fold_outlives_the_original_and_starts_again_from_its_record(
         assert store.delete(plain)
     facts = other_service_with.http.get(f"{smoothed.page}/facts").json()
     assert facts["smoothing"]["rows"] and facts["smoothing"]["compare"] is None
-    assert [compared_fold["text"] for compared_fold in facts["compare"]] == ["Another seed"]
+    assert [compared_fold["text"] for compared_fold in facts["compare"]] == ["Another random start"]
     assert plain not in other_service_with.http.get(smoothed.page).text
     recorded = other_service_with.directory(smoothed_id) / "recorded.npz"
     expected = recorded.read_bytes()
