@@ -22,9 +22,9 @@ const MAX_GOALS = 4000; // views in memory
 // Minimum distance, as a multiple of that at which the chain touches the edge of the picture.
 const ROOM = 1.08;
 const USUAL_ASPECT = 1.6;
-// Fraction of the picture's width that the chain fills at most, above a panel.
+// Fraction of the picture's width that the chain fills at most, beside panels.
 const FREE_WIDTH = 0.9;
-const FREE_HEIGHT = 0.86; // fraction of the height above a panel that the chain fills at most
+const FREE_HEIGHT = 0.86; // fraction of the height between panels that the chain fills at most
 const AROUND_PITCH = 3; // radius of the visible surroundings of each module of a group
 const MAX_ZOOM = 8; // largest distance while following, as a multiple of the usual one
 const NEAREST_PITCH = 1.5; // smallest distance from the target with Follow off
@@ -64,6 +64,7 @@ export class CameraRig {
     /** @type {Map<number, View>} */
     this.goals = new Map();
     this.covered = 0; // fraction of the picture's height that a panel covers, from below
+    this.above = 0; // the same from above
     this.approximate = false; // true if the goal depends on frames that are not loaded yet
   }
 
@@ -115,11 +116,15 @@ export class CameraRig {
     this.choose({ ...USUAL, azimuth, elevation });
   }
 
-  // Keep the followed chain above a panel. Return true if it covers more or less than before.
-  /** @param {number} covered fraction of the picture's height, from below */
-  cover(covered) {
-    if (covered === this.covered) return false;
+  // Keep the followed chain between panels. Return true if they cover more or less than before.
+  /**
+   * @param {number} covered fraction of the picture's height, from below
+   * @param {number} above the same from above
+   */
+  cover(covered, above = 0) {
+    if (covered === this.covered && above === this.above) return false;
     this.covered = covered;
+    this.above = above;
     this.goals.clear();
     return true;
   }
@@ -292,15 +297,15 @@ export class CameraRig {
    * @param {number | null} azimuth
    */
   framed(snapshot, azimuth = null) {
-    const { choice, covered } = this;
+    const { choice, covered, above } = this;
     const elevation = choice.elevation ?? this.timeline.bundle.header.camera.elevation_rad;
     const seeing = { ...this.seeing(), azimuth: azimuth ?? choice.azimuth, elevation };
-    if (!covered) return framing(this.points(snapshot), seeing);
+    if (!covered && !above) return framing(this.points(snapshot), seeing);
     const view = framing(this.points(snapshot), {
       ...seeing,
-      margin: [FREE_WIDTH, FREE_HEIGHT * (1 - covered)],
+      margin: [FREE_WIDTH, FREE_HEIGHT * (1 - covered - above)],
     });
-    return { ...view, target: across(view, 0, -covered * Math.tan(seeing.field / 2)) };
+    return { ...view, target: across(view, 0, (above - covered) * Math.tan(seeing.field / 2)) };
   }
 
   get goalEvery() {

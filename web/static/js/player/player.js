@@ -212,9 +212,12 @@ export class Player extends PlayerState {
     this.show(true);
   }
 
-  /** @param {number} covered fraction of the picture's height that a panel covers, from below */
-  cover(covered) {
-    if (this.rig.cover(covered)) this.show(true);
+  /**
+   * @param {number} covered fraction of the picture's height that a panel covers, from below
+   * @param {number} above the same from above
+   */
+  cover(covered, above = 0) {
+    if (this.rig.cover(covered, above)) this.show(true);
   }
 
   /**

@@ -164,9 +164,8 @@ export class Flight {
       return;
     }
     const turned = isTurned || this.turn(stop, gently);
-    const isDrawn =
-      player.snapshot?.exact && !player.changed && (player.is.turn || !player.gliding);
-    if (!turned || !isDrawn) {
+    const glides = gently && player.gliding && !player.is.turn;
+    if (!turned || !player.snapshot?.exact || player.changed || glides) {
       requestAnimationFrame(() => {
         if (this.moving && this.stop === stop) this.wait(stop, { gently, isTurned: turned });
       });

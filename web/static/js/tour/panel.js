@@ -9,6 +9,8 @@ import { MAX_CAPTION, TourState } from "./state.js";
 
 const STYLE = "/static/css/tour.css";
 const MAX_COVERED = 0.5; // largest fraction of the picture's height that counts as covered
+const MAX_ABOVE = 0.25; // largest fraction of it that counts as covered by the legend above
+const MAX_LEGEND_WIDTH = 0.5; // fraction of the picture's width; a wider legend covers its top
 const NOBODYS = "Only the owner of this fold can save its tour. You can download the tour instead.";
 
 /**
@@ -66,20 +68,26 @@ export class TourPanel {
       download: () => this.download(),
     };
     for (const [name, press] of Object.entries(ways)) get(`tour-${name}`).onclick = press;
-    addStyle(STYLE);
+    this.styled = addStyle(STYLE);
     addEventListener("keydown", (event) => this.key(event));
     addEventListener("pointerdown", ({ target }) => this.press(target), { capture: true });
     new ResizeObserver(() => this.cover()).observe(this.box);
   }
 
-  // Keep the chain above the panel: its captions differ in height.
+  // Keep the chain above the panel, whose captions differ in height, and below a wide legend.
   cover() {
     const { top, height } = this.box.getBoundingClientRect();
     const picture = get("main").getBoundingClientRect();
     const share = height ? (picture.bottom - top) / picture.height : 0;
     // In an exhibition, it is below the picture.
     const stands = getComputedStyle(this.box).position === "absolute";
-    this.player.cover(stands ? Math.min(Math.max(share, 0), MAX_COVERED) : 0);
+    const legend = get("legend").getBoundingClientRect();
+    const isWide = legend.width > MAX_LEGEND_WIDTH * picture.width;
+    const above = height && isWide ? (legend.bottom - picture.top) / picture.height : 0;
+    this.player.cover(
+      stands ? Math.min(Math.max(share, 0), MAX_COVERED) : 0,
+      stands ? Math.min(Math.max(above, 0), MAX_ABOVE) : 0,
+    );
   }
 
   // Open the tour at a stop, counted from 1. With `view` false, keep the view of the address. A
@@ -93,6 +101,8 @@ export class TourPanel {
     get("tour").setAttribute("aria-expanded", "true");
     this.state.go(stop - 1);
     this.playing = playing;
+    this.say();
+    this.cover(); // before the camera jumps
     this.flight.show(this.state.stop, { view, playing, jump: true });
     this.show();
   }

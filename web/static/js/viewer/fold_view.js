@@ -162,7 +162,9 @@ export function view({
     async () => {
       const [{ TourPanel }, tour] = await Promise.all([import("../tour/panel.js"), extras.tour()]);
       if (!tour?.stops) throw new Error("This fold has no tour yet.");
-      return new TourPanel({ player, place, calm, tour, id: kiosk ? null : extras.id });
+      const tourPanel = new TourPanel({ player, place, calm, tour, id: kiosk ? null : extras.id });
+      await tourPanel.styled; // its height decides where the chain is shown
+      return tourPanel;
     },
     (text) => {
       if (!kiosk) toast(text);
