@@ -44,16 +44,19 @@ def test_tour_starts_by_itself_on_the_first_visit_alone(visit: Visit, wrench: st
 def test_first_tour_stands_still_for_reduced_motion_and_ends_by_a_tap(
     visit: Visit, wrench: str
 ) -> None:
-    page = visit(f"/folds/{wrench}", view=False, toured=False, width=480, height=640)
+    page = visit(f"/folds/{wrench}", view=False, toured=False, width=390, height=844)
     panel = page.locator("#tour-panel")
     expect(page.locator("#tour-run")).to_have_text("Play")
     expect(page.locator("#r-frame")).to_have_text(re.compile("^Frame 1 of"))
     page.locator("#tour-after").click()
     expect(page.locator("#tour-count")).to_have_text(re.compile("^2 of"))
-    page.locator(".surface").click(position={"x": 20, "y": 80})
+    page.locator(".surface").click(position={"x": 20, "y": 120})
     expect(panel).to_be_hidden()
     page.locator("#tour").click()
     expect(panel).to_be_visible()
     expect(page.locator("#tour-hint")).to_be_hidden()
-    page.locator(".surface").click(position={"x": 20, "y": 80})  # only the first tour ends so
+    row = page.locator("#tour-panel > .tour-ways")
+    tops = row.evaluate("row => [...row.querySelectorAll('button')].map((b) => b.offsetTop)")
+    assert len(set(tops)) == 1  # the buttons fit in one row
+    page.locator(".surface").click(position={"x": 20, "y": 120})  # only the first tour ends so
     expect(panel).to_be_visible()
