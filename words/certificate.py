@@ -144,6 +144,7 @@ def further_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]
         (label_of("robots"), robots(certificate)),
         (label_of("mujoco_robot"), robot_in_mujoco(certificate)),
         *margin_rows(certificate),
+        *_sampled_row(certificate),
         *(_row(certificate, name) for name in PLAYBACK_FIGURES),
     ]
 
@@ -210,6 +211,22 @@ def margin_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]
             f"modules touch in at most {100 * margins['failure_probability']:.0f} of 100 robots; "
             f"{_limit(all_hinges)}",
         ),
+    ]
+
+
+def _sampled_row(certificate: CertificateFigures) -> list[tuple[str, str]]:
+    """Return the errors of all hinges that most sampled robots tolerate; they prove nothing."""
+    errors = certificate.get("joint_errors")
+    if errors is None or errors["tolerated_rad"] <= 0.0:
+        return []
+    kind = "sampled" if errors.get("swept", True) else "estimated"
+    return [
+        (
+            f"Tolerated errors of all hinges ({kind})",
+            f"up to {degrees_down(errors['tolerated_rad'])} in all hinges; with such random "
+            f"errors, at most {errors['touching_with_error']} of {errors['robots']} robots touched "
+            "themselves",
+        )
     ]
 
 

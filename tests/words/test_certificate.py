@@ -118,6 +118,14 @@ def test_margins_are_rounded_down_and_name_their_limit() -> None:
     assert "Tolerated error of one hinge (proved)" not in dict(rows(SIMULATED))
 
 
+def test_errors_of_sampled_robots_are_no_proof() -> None:
+    errors = {"tolerated_rad": 6.3e-4, "robots": 300, "touching_with_error": 8}
+    for swept, kind in ((True, "sampled"), (False, "estimated")):
+        shown_rows = dict(rows(SIMULATED | {"joint_errors": errors | {"swept": swept}}))
+        row = str(shown_rows[f"Tolerated errors of all hinges ({kind})"])
+        assert row.startswith("up to 0.036° in all hinges") and "8 of 300 robots" in row
+
+
 def test_kinematic_certificate_has_no_figures_of_a_simulation() -> None:
     simulated, followed = dict(rows(SIMULATED)), dict(rows(FOLLOWED))
     for label in ("Smallest clearance of the simulated robots", FINAL_ERROR, "Largest joint error"):
