@@ -77,11 +77,7 @@ def test_running_fold_plays_from_its_start_to_the_finished_shape(visit: Visit) -
     steps = np.diff(frames)
     assert (steps < 0).sum() <= 1, "only the finale begins anew"
     assert steps.max() < explosion / 2, "the explosion is not skipped"
-    titles = noted["titles"]
-    # A short fold may be over before its first percentage arrives.
-    stage = r"[A-Z][a-z ]+ (\d+ %|…) · Wrench · foldback"
-    assert any(re.fullmatch(stage, title) for title in titles), titles
-    assert titles[-1] == "✓ Wrench", titles
+    assert noted["titles"][-1] == "✓ Wrench"
     assert "✓ Wrench: fold verified" in noted["toasts"]
     expect(page.locator("#verdict")).to_have_text(re.compile("^Safe"))
 

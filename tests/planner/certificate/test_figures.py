@@ -25,4 +25,4 @@ def test_pages_show_labels_of_the_descriptions() -> None:
     labels = {figure.label for figure in figures_of_certificates().values()}
     # A torque that is not that of the motors is no peak.
     assert set(rows) - labels == set()
-    assert rows["Module size in the clearance check"] == "0.95 pitch"
+    assert rows["Module size in the clearance check"] == "95 % of the spacing"

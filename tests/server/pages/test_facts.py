@@ -45,7 +45,9 @@ def test_failed_fold_shows_its_frame_count(tmp_path: Path) -> None:
 def test_failed_fold_offers_another_try(tmp_path: Path) -> None:
     """tests/server/contract checks the offers of other folds."""
     again_command = fold_facts(failed_fold(tmp_path, 0, seed=2**32 - 1))["again"]
-    assert again_command["text"] == "Try another random seed" and again_command["form"]["seed"] == 0
+    assert (
+        again_command["text"] == "Try another random start" and again_command["form"]["seed"] == 0
+    )
     again_command = fold_facts(failed_fold(tmp_path, 0, strategy="turns"))["again"]
     assert (
         again_command["text"] == "Try to unfold all hinges at once"
@@ -53,7 +55,7 @@ def test_failed_fold_offers_another_try(tmp_path: Path) -> None:
     )
     plain = fold_facts(failed_fold(tmp_path, 0, status="verified", preset="paper"))["compare"]
     settable = {way["text"]: way["settable"] for way in plain if "settable" in way}
-    assert settable == {"Published method, modified": "must"}
+    assert settable == {"As in the paper, changed": "must"}
 
 
 def test_fold_in_turns_may_be_compared_with_an_explosion(tmp_path: Path) -> None:

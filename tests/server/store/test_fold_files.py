@@ -40,6 +40,7 @@ def test_files_stored_under_an_epoch_are_shown_by_other_machines(
     machines: Machines, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first, second = machines
+    monkeypatch.setattr(fold_files, "COPY_CACHE_S", 3600.0)
     work = first.bring(FOLD, 0, 1)
     assert (work / "input").read_bytes() == b"cells"
     (work / "frames").write_bytes(b"one")

@@ -1,12 +1,12 @@
 // Settings of the published method, of robots and of tables: empty fields mean the defaults.
 import { get } from "../lib/text.js";
 
-const settings = () => get("paper-settings");
+const paperSettings = () => get("paper-settings");
 
 // Show the settings only for the published preset.
 /** @param {string} preset */
 export function showFor(preset) {
-  settings().hidden = preset !== "paper";
+  paperSettings().hidden = preset !== "paper";
 }
 
 // Show the settings while the published preset is selected in a list.
@@ -60,14 +60,14 @@ export function fill(part, settings) {
 // that requests a fold; none if nothing is changed.
 /** @returns {{ settings?: string }} */
 export function changed() {
-  const text = settingsOf(settings());
+  const text = settingsOf(paperSettings());
   return text ? { settings: text } : {};
 }
 
 // Open the settings of the published method and focus the first one.
 export function open() {
-  settings().open = true;
-  inputsIn(settings())[0].focus();
+  paperSettings().open = true;
+  inputsIn(paperSettings())[0].focus();
 }
 
 // Mark and show the field of the setting that is the reason of a refusal.
