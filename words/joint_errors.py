@@ -83,8 +83,8 @@ def size_words(errors: JointErrorFigures) -> str:
     error, size = f"{math.degrees(errors['error_rad']):.3g}°", errors["module_size"]
     if size is None:
         return (
-            f"Servos of {error} are not exact enough: even modules that fill only "
-            f"{100 * MIN_SIZE:.0f} % of the spacing would touch."
+            f"Servos of {error} are not exact enough, even with modules of "
+            f"{100 * MIN_SIZE:.0f} % of the spacing."
         )
     return (
         f"For servos of {error}, modules may fill at most {_about(errors)}"

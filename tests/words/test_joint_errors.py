@@ -31,7 +31,7 @@ def test_hinges_that_suffice_are_named() -> None:
         words = build_words(sampled(tolerated_deg, None))
         assert words is not None
         assert words["answer"].startswith("Yes, with") and servos in words["answer"]
-        assert "even modules that fill only 25 % of the spacing would touch" in words["size"]
+        assert "not exact enough, even with modules of 25 % of the spacing" in words["size"]
 
 
 def test_estimate_is_no_promise() -> None:
