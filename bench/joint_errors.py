@@ -18,6 +18,7 @@ from rich.console import Console
 from bench.machine import processor_seconds
 from bench.sections import Section
 from foldback.planner.clearance.joint_errors import SampledRobots, joint_errors
+from foldback.planner.clearance.sweep import sweep
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.workspace import Workspace
@@ -128,7 +129,8 @@ def _row(shape: GalleryShape) -> Row:
     ).largest_error(size, touching=QUANTILE_ROBOTS // 20)
     assert quantile is not None
     margins = certificate.margins
-    estimate = joint_errors(plan.chain, plan.motion, module_size=size)
+    clearances = sweep(plan.chain, plan.motion, module_size=size).per_frame
+    estimate = joint_errors(plan.chain, plan.motion, module_size=size, clearances=clearances)
     assert estimate is not None
     return {
         **row,

@@ -220,6 +220,7 @@ def certify(
             chain,
             playback.reference,
             module_size=size,
+            clearances=sweeps.plan.per_frame,
             error_rad=parameters.joint_error_rad,
             cancelled=cancelled,
         )

@@ -3,7 +3,8 @@
 Robots are sampled: each has an error of its own in each hinge, the same all the time, independent
 and uniform between plus and minus the stated error. With a stated error, the whole motion of each
 robot is swept, so that a collision between two frames counts too. Without one, only the folded
-shape is looked at, which limits most motions and takes a hundredth of the time.
+shape is looked at, which limits most motions and takes a hundredth of the time, and for short
+chains the closest frames.
 """
 
 from __future__ import annotations
@@ -37,6 +38,12 @@ MAX_ANGLES: Final = 2**22
 so many takes about a second of the processor."""
 USUAL_ERROR_RAD: Final = radians(0.3)
 """Joint error of good servos, rad, for which a module size is estimated without a stated error."""
+SHORT_CHAIN_MODULES: Final = 64
+"""Number of modules of a chain up to which an estimate looks at frames of the motion, too. In snake
+cubes, of 24 to 27 modules, the motion limits the error; in chains of more modules, the folded
+shape did (decision 0076)."""
+CLOSEST_FRAMES: Final = 5
+"""Number of these frames, those with the least clearance."""
 SIZES: Final = np.linspace(MIN_SIZE, FULL_SIZE, 751).round(3)
 """Module sizes that are tried, in pitches."""
 ERRORS_RAD: Final = np.radians(5.0) * 1.01 ** np.arange(-900.0, 1.0)
@@ -75,6 +82,7 @@ def joint_errors(
     motion: Motion,
     *,
     module_size: float,
+    clearances: Array,
     error_rad: float | None = None,
     cancelled: Cancelled = never,
 ) -> JointErrors | None:
@@ -84,6 +92,7 @@ def joint_errors(
         chain: The chain.
         motion: A motion that is proved clear.
         module_size: Module size of the plan, as a fraction of the pitch.
+        clearances: (F,) clearance of each frame, pitches.
         error_rad: Error of each hinge for which a module size is looked for; None for that of
             good servos and an estimate. For a very long motion, there is only an estimate, too.
         cancelled: Polled between robots.
@@ -91,8 +100,13 @@ def joint_errors(
     swept = error_rad is not None and len(motion) * len(chain.folded_rad) <= MAX_ANGLES
     if not swept and len(chain) > MAX_MARGIN_MODULES:
         return None
-    ends = [motion.angles_at(chain, frame) for frame in (0, -1)]
-    angles = motion.angles(chain) if swept else np.stack(ends)
+    if swept:
+        angles = motion.angles(chain)
+    else:
+        frames = [0, -1]
+        if len(chain) <= SHORT_CHAIN_MODULES:
+            frames += np.argsort(clearances, kind="stable")[:CLOSEST_FRAMES].tolist()
+        angles = np.stack([motion.angles_at(chain, frame) for frame in frames])
     robots = SampledRobots(chain, angles, swept=swept, cancelled=cancelled)
     size = robots.largest_size(error_rad := error_rad or USUAL_ERROR_RAD)
     error = robots.largest_error(module_size)
@@ -120,10 +134,10 @@ class SampledRobots:
 
     Args:
         chain: The chain.
-        angles: (F, J) hinge angles of the motion, or of its two ends, rad.
+        angles: (F, J) hinge angles of the motion, or of the frames to look at, rad.
         seed: Seed of the errors.
         count: Number of robots.
-        swept: Sweep whole motions; otherwise look only at the ends that are folded.
+        swept: Sweep whole motions; otherwise look only at the frames.
         cancelled: Polled between robots; then results mean nothing.
     """
 
@@ -134,11 +148,14 @@ class SampledRobots:
     swept: bool = True
     cancelled: Cancelled = never
     errors: Array = field(init=False)
-    _ends: Array = field(init=False)
+    _shapes: Array = field(init=False)
 
     def __post_init__(self) -> None:
         """Draw the (N, J) errors of the robots, as fractions of the stated error."""
-        self._ends = self.angles[[0, -1] if np.any(self.angles[0]) else [-1]]
+        shapes = self.angles[[0, -1]] if self.swept else self.angles
+        bent = np.any(shapes, axis=1)  # the straight chain is clear
+        bent[-1] = True
+        self._shapes = shapes[bent]
         random = np.random.default_rng(self.seed)
         self.errors = random.uniform(-1.0, 1.0, (self.count, self.angles.shape[1]))
 
@@ -172,10 +189,10 @@ class SampledRobots:
         disturbed = self.angles + error_rad * self.errors[robot]
         return sweep(self.chain, disturbed, module_size=size, share=0.0).bound > 0.0
 
-    def _end_clearances(self, robots: Ints, error_rad: float, size: float) -> Array:
-        """Return the clearance of each robot's folded shape, or of both of a refold."""
+    def _shape_clearances(self, robots: Ints, error_rad: float, size: float) -> Array:
+        """Return the least clearance of each robot's folded shapes."""
         errors = error_rad * self.errors[robots]
-        angles = (self._ends + errors[:, None]).reshape(-1, errors.shape[1])
+        angles = (self._shapes + errors[:, None]).reshape(-1, errors.shape[1])
         clearances = frame_clearances(self.chain, angles, module_size=size)
         return clearances.reshape(len(robots), -1).min(axis=1)
 
@@ -184,8 +201,8 @@ class SampledRobots:
     ) -> tuple[int, Callable[[int], int]]:
         """Return the index of the last setting that few enough robots tolerate, and what lowers it.
 
-        It is that of the ends of the motion, which limit most motions and are checked in a
-        hundredth of the time. The whole motions may tolerate less.
+        It is that of the folded shapes, which limit most motions and are checked in a hundredth of
+        the time. The whole motions may tolerate less.
 
         Args:
             settings: Error and module size, in ascending order.
@@ -194,7 +211,7 @@ class SampledRobots:
         low, high, robots, left = -1, len(settings), np.arange(self.count), touching
         while high - low > 1 and not self.cancelled():
             middle = (low + high) // 2
-            touches = self._end_clearances(robots, *settings[middle]) <= 0.0
+            touches = self._shape_clearances(robots, *settings[middle]) <= 0.0
             if (count := int(touches.sum())) > left:  # the others tolerate this and more
                 high, robots = middle, robots[touches]
             else:
@@ -205,7 +222,7 @@ class SampledRobots:
         def is_clear(robot: int, index: int) -> bool:
             return self.cancelled() or self._is_clear(robot, *settings[index])
 
-        order = np.argsort(self._end_clearances(np.arange(self.count), *settings[low])).tolist()
+        order = np.argsort(self._shape_clearances(np.arange(self.count), *settings[low])).tolist()
         return low, partial(_lowered, robots=order, is_clear=is_clear, touching=touching)
 
 

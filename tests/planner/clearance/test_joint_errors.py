@@ -7,6 +7,7 @@ import pytest
 
 from foldback.planner.chain.kinematics import forward_kinematics
 from foldback.planner.clearance.joint_errors import JointErrors, confidence, joint_errors
+from foldback.planner.clearance.sweep import sweep
 from foldback.planner.errors import InputError
 from foldback.planner.pipeline.fold import fold
 from foldback.planner.pipeline.request import FoldRequest
@@ -26,6 +27,16 @@ def plan() -> Plan:
 
 def _errors(plan: Plan) -> JointErrors:
     errors = plan.certificate.joint_errors
+    assert errors is not None
+    return errors
+
+
+def _found(plan: Plan, error_rad: float | None = None) -> JointErrors:
+    size = plan.certificate.module_size
+    clearances = sweep(plan.chain, plan.motion, module_size=size).per_frame
+    errors = joint_errors(
+        plan.chain, plan.motion, module_size=size, clearances=clearances, error_rad=error_rad
+    )
     assert errors is not None
     return errors
 
@@ -69,18 +80,14 @@ def test_module_size_for_a_joint_error_holds_for_other_robots(plan: Plan) -> Non
 
 
 def test_error_that_no_module_size_tolerates_gets_none(plan: Plan) -> None:
-    errors = joint_errors(
-        plan.chain, plan.motion, module_size=plan.certificate.module_size, error_rad=0.5
-    )
-    assert errors is not None
+    errors = _found(plan, error_rad=0.5)
     assert errors.module_size is None
     assert errors.tolerated_rad == _errors(plan).tolerated_rad
 
 
-def test_estimate_without_a_joint_error_is_that_of_the_folded_shape(plan: Plan) -> None:
+def test_estimate_without_a_joint_error_is_no_smaller_and_sharp(plan: Plan) -> None:
     size = plan.certificate.module_size
-    estimate = joint_errors(plan.chain, plan.motion, module_size=size)
-    assert estimate is not None
+    estimate = _found(plan)
     assert not estimate.swept
     assert estimate.error_rad == pytest.approx(ERROR_RAD)
     assert estimate.tolerated_rad >= _errors(plan).tolerated_rad
