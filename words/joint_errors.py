@@ -87,8 +87,8 @@ def size_words(errors: JointErrorFigures) -> str:
             f"{100 * MIN_SIZE:.0f} % of the spacing."
         )
     return (
-        f"For servos of {error}, modules may fill at most {_about(errors)}"
-        f"{_percent(size)} % of the spacing."
+        f"For servos of {error}, modules may be at most {_about(errors)}{_percent(size)} % of the "
+        "spacing wide."
     )
 
 
@@ -110,7 +110,7 @@ def _answer(errors: JointErrorFigures) -> str:
         if math.degrees(tolerated_rad) >= limit_deg:
             yes = "Probably" if about else "Yes"
             return f"{yes}, with {servos}: hinges may be off by {degrees}."
-    return f"Only if each hinge is exact to {degrees}."
+    return f"Only if each hinge is exact to {degrees}, finer than an encoder at each joint (0.05°)."
 
 
 def _sample(errors: JointErrorFigures) -> str:

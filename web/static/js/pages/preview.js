@@ -229,7 +229,7 @@ get("unrepair").onclick = () =>
   change({ repair: false, ...(preview.onTable && { method: preview.choices.method[0] }) });
 
 // The button to fold lies over what has just been opened.
-get("more").ontoggle = () => get("more").scrollIntoView({ block: "nearest" });
+get("more-choices").ontoggle = () => get("more-choices").scrollIntoView({ block: "nearest" });
 
 // Preload the scripts of the request and of the fold
 // page when the visitor is about to request a fold.
