@@ -44,6 +44,7 @@ SMALL = {"width": 480, "height": 480}
 def test_view_shows_figures_and_the_path_and_rests(
     visit: Visit, service: Service, wrench: str
 ) -> None:
+    assert service.http.get(f"/folds/{wrench}/figures").status_code == 200  # which computes them
     figures = Figures.load(service.directory(wrench) / "figures")
     page = wait_for_view(visit(f"/folds/{wrench}", script=SLOW_VIEW, **SMALL))
     seek(page, int(np.nanargmax(figures.peak_torque_nm)))
@@ -59,7 +60,7 @@ def test_view_shows_figures_and_the_path_and_rests(
         seen_picture[..., 0] - seen_picture[..., 1:].max(axis=-1)
     ).max() < 60  # no red, for the colour-blind
 
-    seek(page, 0)
+    seek(page, len(figures) - 1)  # where there are joint errors; elsewhere, yellow is a position
     menu.select_option("error")
     before = picture(page)
     page.locator("#through").click()
