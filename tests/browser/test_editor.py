@@ -46,7 +46,7 @@ def test_paint_undo_and_preview_by_keyboard(visit: Visit) -> None:
     expect(page.locator("#count")).to_have_text("32 modules")  # nothing painted is lost
     page.locator("#preview").click()
     page.wait_for_url(re.compile("/previews/"))
-    expect(page.locator("#verdict")).to_have_text("32 modules")
+    expect(page.locator("#verdict")).to_have_text("32 cubes · 100 % like your file")
     page.go_back()
     page.locator("#undo").click()
     expect(page.locator("#count")).to_have_text("16 modules")
