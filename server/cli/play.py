@@ -229,7 +229,8 @@ def _play_in_viser(directory: Path, name: str, host: str, port: int, browser: bo
         address = show(directory, host=host, port=port, open_browser=browser)
     with address:
         typer.echo(f"{name} is at {address.url} (Ctrl-C stops it)")
-        ended.wait()
+        while not ended.wait(1.0):  # a signal to another thread does not wake this one
+            pass
 
 
 def _settings(preset: Any, settings: Any) -> str:

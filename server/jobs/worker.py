@@ -34,6 +34,9 @@ RECOVERY_POLL_S: Final = 0.4
 """Time between two searches for folds of dead workers, in s."""
 SWEEP_S: Final = 60.0
 """Time between two searches for files and rows to delete, in s."""
+SIGNAL_POLL_S: Final = 1.0
+"""Maximum time until the main thread, which runs the handlers, notices a stop signal, in s. Linux
+may deliver a signal to another thread, and then nothing wakes the main one."""
 log = logging.getLogger("foldback.worker")
 
 
@@ -95,7 +98,8 @@ def work(settings: Settings, *, leash: Leash | None = None) -> None:
     _repeat(stopping, RECOVERY_POLL_S, look, "checking for dead workers")
     _repeat(stopping, SWEEP_S, Housekeeping(settings, store).sweep, "housekeeping")
     log.info("worker %s is ready", name)
-    signal_count.acquire()
+    while not signal_count.acquire(timeout=SIGNAL_POLL_S):
+        pass
     dispatcher.close()
     deadline = time.monotonic() + settings.drain_s
     while (
