@@ -67,14 +67,25 @@ export const copyCitation = () =>
 export const saveCitation = () =>
   save(new Blob([citation()], { type: "application/x-bibtex" }), "foldback.bib");
 
+const NOT_TEXT = /^(true|false|-?\d+(\.\d+)?)$/;
+
+// Return the options of a movie, with their types, of the fields of its form.
+/** @param {Record<string, string>} fields */
+export function movieOptions({ size, ...fields }) {
+  const [width, height] = size.split("x").map(Number);
+  const options = Object.entries(fields).map(([name, text]) => [
+    name,
+    NOT_TEXT.test(text) ? JSON.parse(text) : text,
+  ]);
+  return { ...Object.fromEntries(options), width, height };
+}
+
 // Request a movie, and show its progress until it can be downloaded.
 /**
  * @param {string} id of the fold
  * @param {HTMLFormElement} form
  */
 export async function createMovie(id, form) {
-  const { size, ...options } = fieldsOf(form);
-  const [width, height] = size.split("x");
   const ownToken = tokenOf(id) ?? ownKey(); // the owner uses the token of the fold
   get("movie-create").disabled = true;
   get("movie-state").textContent = "Checking…";
@@ -82,7 +93,7 @@ export async function createMovie(id, form) {
     /** @type {Api.MovieBody} */
     const movie = await ask(`/api/folds/${id}/movies`, {
       token: ownToken,
-      body: { ...options, width, height },
+      body: movieOptions(fieldsOf(form)),
     });
     // The first request for a movie receives its own token.
     await follow(movie, movie.token ?? ownToken);
