@@ -65,8 +65,8 @@ def test_module_file_is_checked_and_offered(visit: Visit) -> None:
 def test_time_left_is_shown_and_movie_is_stopped(visit: Visit, service: Service) -> None:
     for seed in ("31", "32"):  # so that durations of similar folds are known
         service.wait_over(service.fold(shape="wrench-24", seed=seed)["id"])
-    ahead = service.fold(shape="mallet-80", seed="31")
-    fold = service.fold(shape="wrench-80", seed="31")
+    ahead = service.fold(shape="mallet-160", seed="31")
+    fold = service.fold(shape="wrench-160", seed="31")
     page = visit(f"/folds/{fold['id']}", view=False, script=NOTE_VERDICTS)
     expect(page.locator("#verdict")).to_have_attribute("data-tone", "good")
     verdicts = page.evaluate("window.heard")

@@ -16,7 +16,7 @@ from tests.server.service_process import wait_until
 from tests.slurm import Slurm
 
 pytestmark = pytest.mark.long
-SHAPES, SEEDS = ("wrench-24", "mallet-24", "cross"), 8
+SHAPES, SEEDS = ("wrench-160", "mallet-160", "cross"), 8  # long enough that Dask asks for both jobs
 COMMAND = (sys.executable, "-P", "-m", "foldback.server.cli", "sweep")
 OPTIONS = (*(f"--shape=gallery:{name}" for name in SHAPES), f"--seeds=0-{SEEDS - 1}", "--json")
 ROWS_BEFORE_CANCEL = 5
