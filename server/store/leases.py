@@ -113,8 +113,12 @@ class Leases:
         return sum(row.folds_at_once for row in self.workers())
 
     def _register(self, name: str) -> None:
-        """Describe a worker in its row; delete the rows of dead ones."""
-        others = [row.name for row in self.workers() if row.name != name]
+        """Describe a worker in its row; delete the rows of dead ones.
+
+        Workers that register meanwhile keep theirs.
+        """
+        names = set(self._store.scalars(sa.select(WorkerRow.name)))
+        dead = names - self.living(names)
         row = WorkerRow(
             name=name,
             host=socket.gethostname()[:200],
@@ -124,7 +128,7 @@ class Leases:
             version=version("foldback"),
         )
         with self._store.changing() as session:
-            session.execute(sa.delete(WorkerRow).where(WorkerRow.name.not_in(others)))
+            session.execute(sa.delete(WorkerRow).where(WorkerRow.name.in_({*dead, name})))
             session.add(row)
 
     def _path(self, name: str) -> Path:

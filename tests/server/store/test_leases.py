@@ -3,6 +3,8 @@
 import os
 import subprocess
 import sys
+from collections.abc import Collection
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -32,6 +34,23 @@ def test_workers_live_as_long_as_their_locks(leases: Leases, each_store: Store) 
         assert [worker.name for worker in leases.workers()] == ["b/2"]
         with live_worker(leases, "c/3"):
             assert sorted(each_store.scalars(sa.select(WorkerRow.name))) == ["b/2", "c/3"]
+
+
+def test_workers_that_register_at_once_keep_their_rows(
+    leases: Leases, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    living = leases.living
+    with ExitStack() as workers:
+
+        def register_meanwhile(names: Collection[str]) -> set[str]:
+            monkeypatch.undo()
+            earlier = living(names)
+            workers.enter_context(live_worker(leases, "a/1"))
+            return earlier
+
+        monkeypatch.setattr(leases, "living", register_meanwhile)
+        workers.enter_context(live_worker(leases, "b/2"))
+        wait_until(lambda: [worker.name for worker in leases.workers()] == ["a/1", "b/2"])
 
 
 PROBE = """
