@@ -110,7 +110,7 @@ def _answer(errors: JointErrorFigures) -> str:
         if math.degrees(tolerated_rad) >= limit_deg:
             yes = "Probably" if about else "Yes"
             return f"{yes}, with {servos}: hinges may be off by {degrees}."
-    return f"Only if each hinge is exact to {degrees}, finer than an encoder at each joint (0.05°)."
+    return f"Not with common parts: each hinge must be exact to {degrees}."
 
 
 def _sample(errors: JointErrorFigures) -> str:

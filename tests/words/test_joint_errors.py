@@ -21,10 +21,7 @@ def sampled(tolerated_deg: float, size: float | None, *, swept: bool = True) -> 
 def test_sampled_robots_say_which_hinges_and_modules_suffice() -> None:
     words = build_words(sampled(0.0349, 0.84))
     assert words is not None
-    assert (
-        words["answer"]
-        == "Only if each hinge is exact to 0.034°, finer than an encoder at each joint (0.05°)."
-    )
+    assert words["answer"] == "Not with common parts: each hinge must be exact to 0.034°."
     assert words["size"] == "For servos of 0.3°, modules may be at most 84 % of the spacing wide."
     assert "300 robots" in words["sample"]
 
@@ -40,9 +37,7 @@ def test_hinges_that_suffice_are_named() -> None:
 def test_estimate_is_no_promise() -> None:
     words = build_words(sampled(0.0349, 0.84, swept=False))
     assert words is not None
-    assert words["answer"] == (
-        "Only if each hinge is exact to about 0.034°, finer than an encoder at each joint (0.05°)."
-    )
+    assert words["answer"] == "Not with common parts: each hinge must be exact to about 0.034°."
     assert (
         words["size"]
         == "For servos of 0.3°, modules may be at most about 84 % of the spacing wide."
