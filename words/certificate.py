@@ -91,7 +91,7 @@ def safety(certificate: CertificateFigures, modules: str) -> str | None:
     if not certificate.get("verified") or bound is None or bound <= 0.0:
         return None
     size = certificate.get("module_size") or DEFAULT_MODULE_SIZE
-    smaller = f" at {_filled(size)} % of full size" if size != DEFAULT_MODULE_SIZE else ""
+    smaller = f" at {filled(size)} % of full size" if size != DEFAULT_MODULE_SIZE else ""
     gap = f"at least {rounded_down(100.0 * bound, 1)} % of the spacing"
     motors = ". Motors not simulated" if certificate.get("simulated") is False else ""
     return f"Safe{smaller}: the {modules} never collide. Smallest gap: {gap}{motors}"
@@ -112,11 +112,11 @@ def clearance(certificate: CertificateFigures) -> str | None:
     if size == DEFAULT_MODULE_SIZE:
         return f"modules stay at least {percent} % of the spacing apart"
     return (
-        f"modules that fill {_filled(size)} % of the spacing stay at least {percent} % of it apart"
+        f"modules that fill {filled(size)} % of the spacing stay at least {percent} % of it apart"
     )
 
 
-def _filled(size: float) -> str:
+def filled(size: float) -> str:
     """Return a size of modules in %, rounded down: 80 or 80.6."""
     return rounded_down(100.0 * size, 1).removesuffix(".0")
 

@@ -7,7 +7,7 @@ from typing import Final, TypedDict
 
 from foldback.planner.certificate.figures import CertificateFigures, JointErrorFigures
 from foldback.planner.parameters.joint_error import MIN_SIZE
-from foldback.words.certificate import degrees_down, rounded_down
+from foldback.words.certificate import degrees_down, filled
 
 SERVOS_DEG: Final = (
     (2.0, "hobby servos (1° to 2°)"),
@@ -75,7 +75,7 @@ def build_words(certificate: CertificateFigures) -> BuildWords | None:
 
 def again_label(size: float) -> str:
     """Return the label of the button that folds again with the size that a joint error allows."""
-    return f"Fold again with modules of {_percent(size)}\N{NO-BREAK SPACE}%"
+    return f"Fold again with modules of {filled(size)}\N{NO-BREAK SPACE}%"
 
 
 def size_words(errors: JointErrorFigures) -> str:
@@ -87,13 +87,9 @@ def size_words(errors: JointErrorFigures) -> str:
             f"{100 * MIN_SIZE:.0f} % of the spacing."
         )
     return (
-        f"For servos of {error}, modules may be at most {_about(errors)}{_percent(size)} % of the "
+        f"For servos of {error}, modules may be at most {_about(errors)}{filled(size)} % of the "
         "spacing wide."
     )
-
-
-def _percent(size: float) -> str:
-    return rounded_down(100 * size, 1).removesuffix(".0")
 
 
 def _about(errors: JointErrorFigures) -> str:

@@ -107,14 +107,14 @@ export class Flight {
     let direction = cameraIn(camera ?? null);
     if (!direction && modules) {
       const { elevation_rad: rise } = timeline.bundle.header.camera;
-      const seen = (/** @type {number | null} */ azimuth, /** @type {number} */ elevation) =>
+      const viewFrom = (/** @type {number | null} */ azimuth, /** @type {number} */ elevation) =>
         rig.whole(moment, { azimuth, elevation });
       const [azimuth, elevation] = clearestSight(
         moment.positions,
         modules.map((module) => module - 1),
-        [seen(null, rise).azimuth, rise],
+        [viewFrom(null, rise).azimuth, rise],
         (turn, height) => {
-          const [x, y, z] = positionOf(seen(turn, height));
+          const [x, y, z] = positionOf(viewFrom(turn, height));
           return [x / rig.pitch, y / rig.pitch, z / rig.pitch];
         },
       );
